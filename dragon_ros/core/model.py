@@ -355,7 +355,7 @@ class Simulation:
                 if self.model.memory_bytes > _MOST_BYTES_AHEAD:
                     return
                 try:
-                    self.model.place((end if beyond else gone_m, 0.0))
+                    self.model.placement.build_near(self.model.leader.place((end if beyond else gone_m, 0.0)))
                 except ModelEnd:
                     break
                 if beyond:

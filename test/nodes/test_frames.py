@@ -14,6 +14,7 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.shift_map.table import ShiftMap
 from dragon_ros.core.step import contact_frame, tick
+from dragon_ros.core.tracks.spec import Arc, Composite, Line
 from dragon_ros.nodes.frames import Frames
 from dragon_ros.nodes.led import LedFrames
 from dragon_ros.scenes.load import load_scene
@@ -51,14 +52,21 @@ def nothing_built(monkeypatch):
     monkeypatch.setattr(model, '_COMPILED', model._Compiled())
 
 
-@pytest.mark.parametrize('name', ['winding', 'turning', 'wiggle', 'mixed-by-the-tail', 'spirals', 'unwinding', 'tight'])
+# A street with more joints within reach of the dragon than one table covers.
+STREET = Scene(Dragon(40), Composite((Line(90.0), *(Arc(2.0, (-1) ** k * 40.0) for k in range(100)), Line(30.0)),
+                                     start_m=230.0), run=Run(0, 5))
+
+
+@pytest.mark.parametrize('name', ['winding', 'turning', 'wiggle', 'mixed-by-the-tail', 'spirals', 'unwinding', 'tight',
+                                  'street'])
 def test_no_frame_of_a_run_waits_for_a_table_once_all_are_built(name, nothing_built):
-    scene = {case.name: case.scene for case in dances()}.get(name) or load_scene(name)
+    scene = ({case.name: case.scene for case in dances()} | {'street': STREET}).get(name) or load_scene(name)
     frames = Frames(scene)
     frames.prepare()
     frames.tables.join()
     before = built(scene)
     assert any(before)
+    assert len({tile.group for tile in tiles(scene)}) > 1 or name != 'street'
     for k in np.linspace(0, frames.count - 1, 500).astype(int).tolist():
         frames.k = k
         frames.take()
@@ -77,14 +85,14 @@ def test_no_frame_of_a_led_run_waits_for_a_table_ahead_or_behind_once_all_are_bu
 
 
 def test_nobody_waits_for_the_tables_of_a_run_and_one_is_built_once(nothing_built, monkeypatch):
-    scene, go, begun = replace(load_scene('turning'), dragon=Dragon(20)), Event(), list[int]()
+    scene, go, begun = replace(load_scene('turning'), dragon=Dragon(20)), Event(), list[tuple[int, int]]()
     whole = ShiftMap._built
 
-    def slowly(self, number):
+    def slowly(self, *section):
         """Build a tile; all tiles except the first wait for a signal."""
-        begun.append(number)
+        begun.append(section[:2])
         assert len(begun) == 1 or go.wait(60)
-        return whole(self, number)
+        return whole(self, *section)
 
     monkeypatch.setattr(ShiftMap, '_built', slowly)
     frames = Frames(scene)

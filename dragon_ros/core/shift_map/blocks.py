@@ -242,6 +242,16 @@ class Placement:
         p.setflags(write=False)
         return Chain(p, self.links_m, spent, self.track, self.direction, tuple(parts))
 
+    def build_near(self, leader: Place) -> None:
+        """Build the tables for all leaders on the stretch of a leader. Raises the same errors as ``place``.
+
+        On tracks with many joints, blocks that do not immediately follow the leader may need further tables.
+        """
+        self.place(leader)
+        link_m, shift = (self._lead[0], self._lead[2]) if self._lead else (0.0, self.blocks[0][1])
+        if shift:
+            shift.build_all(leader, link_m)
+
     @cached_property
     def _is_one_block(self) -> bool:
         """Whether a shift map may cover the whole chain, with or without the leader's link."""

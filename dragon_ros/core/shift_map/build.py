@@ -1,6 +1,6 @@
-"""Build the table of a tile: cut the span into parts, map it back row by row, and fit series to its images."""
+"""Build the tables of a tile: cut the span into parts, map them back row by row, and fit series to their images."""
 from dataclasses import dataclass, field
-from itertools import groupby, pairwise
+from itertools import chain, groupby, pairwise
 from math import ceil, floor, inf
 
 import numpy as np
@@ -19,8 +19,12 @@ from dragon_ros.core.tracks.spiral import SpiralSegment
 
 NODES = 24            # number of terms of a series before truncation
 _MOST_STEPS = 100_000       # maximum total number of links from the joints to the span
-_MOST_BYTES = 256_000_000   # maximum total size of the series of one table
+_MOST_BYTES = 256_000_000   # maximum total size of the series of all tables of a span
+# The maximum number of parts of one table, before parts are cut into thirds. On a street of 300 pieces, the table for
+# the first position then takes a third of the time of a table with all parts, and all tables take 1.4 times as long.
+_MOST_PARTS = 48
 _MANY_JOINTS = 16           # minimum number of joints for moving them ahead together; fewer are faster one by one
+_PULLS = 2                  # number of times that many joints are moved ahead together; few links are left after two
 _ROUNDS = 5                 # maximum number of times that parts are cut into thirds
 NOISE = 4                  # the largest effect of rounding on the last terms, in units of the error
 # The largest effect of rounding that is allowed where cutting a part does not reduce it; it is a sixth of the promise.
@@ -135,12 +139,38 @@ class _RowSeries:
     motions: Floats
 
 
-def build(track: Track, link_m: float, stretch: Stretch, tier: Tier) -> Table | None:
-    """Return the table for blocks of links of length ``link_m`` whose leaders are on a stretch.
+@dataclass(frozen=True, eq=False)
+class Span:
+    """The span of a tile for links of length ``link_m``: its parts, and the number of rows of their images.
 
-    Coarser tiers also use the series of ``exact``, unless these do not converge or a tick would take more than 1.3
-    times as long. The result is None if the links have zero length, if the table would be too large, or if the series
-    do not converge.
+    The parts are in ``groups``, from the front. Each group has a table of its own.
+    """
+
+    track: Track
+    link_m: float
+    stretch: Stretch
+    groups: list[list[SpanPart]]
+    rows: int
+
+    def begins(self) -> list[tuple[Place, int]]:
+        """Return where groups begin in the rows that can hold leaders on the stretch, and their numbers, in order."""
+        track, link_m = self.track, self.link_m
+        fronts = [Place.of(parts[0].segment, *parts[0].fore) for parts in self.groups]
+        length_m = track.distance_of(fronts[0])[0] - max(self.stretch.low_m, track.begin_m)
+        links = min(self.rows - 1, ceil(length_m / link_m) + 1)
+        rows = [[(front, group) for group, front in enumerate(fronts)]]
+        try:
+            for _ in range(links):
+                rows.append([(track.next(place, link_m, BEHIND)[0], group) for place, group in rows[-1]])
+        except TrackEndError:       # the track begins before the last row
+            pass
+        return [*chain.from_iterable(rows)]
+
+
+def span_of(track: Track, link_m: float, stretch: Stretch) -> Span | None:
+    """Return the span for blocks of links of length ``link_m`` whose leaders are on a stretch.
+
+    The result is None if the links have zero length, or if the tables would be too large.
     """
     if not link_m:
         return None
@@ -151,8 +181,23 @@ def build(track: Track, link_m: float, stretch: Stretch, tier: Tier) -> Table | 
         if front_m <= low_m or 8 * 5 * NODES * count > _MOST_BYTES:
             return None
         parts = _parts(track, link_m, front, front_m - count * reach_m(min(track.bend, 1 / link_m), link_m))
-        if not parts or 8 * 5 * NODES * len(parts) * count > _MOST_BYTES:
-            return None
+    except (TrackEndError, ChainLockError):
+        return None
+    if not parts or 8 * 5 * NODES * len(parts) * count > _MOST_BYTES:
+        return None
+    groups = ceil(len(parts) / _MOST_PARTS)
+    ends = [len(parts) * n // groups for n in range(groups + 1)]
+    return Span(track, link_m, stretch, [parts[a:b] for a, b in pairwise(ends)], count)
+
+
+def build(span: Span, group: int, tier: Tier) -> Table | None:
+    """Return the table for one group of a span's parts.
+
+    Coarser tiers also use the series of ``exact``, unless these do not converge or a tick would take more than 1.3
+    times as long. The result is None if the series do not converge.
+    """
+    track, link_m, stretch, parts, count = span.track, span.link_m, span.stretch, span.groups[group], span.rows
+    try:
         pieces = [*zip(parts, _series(track, link_m, parts, count), strict=True)]
         table = _built(track, link_m, pieces, count, stretch, (EXACT, tier))
         if tier is EXACT or (table and int(np.max(table.terms)) * (2 * stretch.links + 2) <= _FREE):
@@ -198,12 +243,14 @@ def _nearly_pulled(track: Track, link_m: float, places: list[Place], back_m: flo
     if len(places) < _MANY_JOINTS:
         return places
     longest_m = reach_m(min(track.bend, 1 / link_m), link_m)
-    sure = np.array([max(0, floor((back_m - track.distance_of(place)[0]) / longest_m)) for place in places])
-    begin: Places = (np.array([place.segment for place in places]), np.array([place.u.hi for place in places]),
-                     np.array([place.u.lo for place in places]))
-    most = int(np.max(sure))
-    rows, _ = by_segment(track, (Block(0, most, link_m),), begin, AHEAD, most - sure)
-    return [Place.of(*each) for each in zip(*(values[-1] for values in rows), strict=True)]
+    for _ in range(_PULLS):
+        sure = np.array([max(0, floor((back_m - track.distance_of(place)[0]) / longest_m)) for place in places])
+        begin: Places = (np.array([place.segment for place in places]), np.array([place.u.hi for place in places]),
+                         np.array([place.u.lo for place in places]))
+        most = int(np.max(sure))
+        rows, _ = by_segment(track, (Block(0, most, link_m),), begin, AHEAD, most - sure)
+        places = [Place.of(*each) for each in zip(*(values[-1] for values in rows), strict=True)]
+    return places
 
 
 def _pulled(track: Track, link_m: float, place: Place, back_m: float) -> Place:

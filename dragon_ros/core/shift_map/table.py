@@ -8,9 +8,10 @@ is at G_(m - i)(u). A single u therefore determines all handles. F is smooth as 
 segments. The span is therefore cut into parts wherever one of its images passes a joint, and each part has its own
 series. This avoids special cases near a joint.
 
-A tile holds the table for the leaders of blocks on one stretch of track. Tiles are aligned to the track and built on
-first use. Each tile depends only on the track, so positions are bit-identical across runs and processes, regardless of
-the order in which tiles are built.
+A tile holds the table for the leaders of blocks on one section of track. On tracks with many joints, the parts of the
+span are divided into groups, and each group has a tile of its own, because a leader uses only one part at a time. Tiles
+are aligned to the track and built on first use. Each tile depends only on the track, so positions are bit-identical
+across runs and processes, regardless of the order in which tiles are built.
 """
 from bisect import bisect_right
 from collections import OrderedDict, deque
@@ -27,7 +28,7 @@ import numpy as np
 from dragon_ros.core.numerics.chebyshev import columns_of, in_parts
 from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Array, Floats, Ints
-from dragon_ros.core.shift_map.build import Stretch, Table, build
+from dragon_ros.core.shift_map.build import Span, Stretch, Table, build, span_of
 from dragon_ros.core.shift_map.lead_in import Chart, LeadIn, chart_of, lead_in, towards_leader
 from dragon_ros.core.tiers import Tier
 from dragon_ros.core.tracks.composite import Place, Places, Track
@@ -42,6 +43,7 @@ _BOUNDARIES = 1024          # number of stretch boundaries whose positions are c
 _MOST_CELLS = 64
 _MOST_BYTES = 512_000_000   # memory limit for a shift map's tiles; the least recently used tiles are dropped first
 _MOST_TILES = 4096          # maximum number of tiles of a shift map, including tiles without a table
+_MOST_LAYOUTS = 512         # maximum number of sections of track whose spans are cached
 # The minimum length of a tile, in links; the length of a longer tile is the smallest power of two that is at least the
 # length of its blocks.
 _FEWEST_LINKS = 512
@@ -121,18 +123,75 @@ class _SegmentCells(NamedTuple):
     cells: list[int]
 
 
+class Groups:
+    """A lookup of the group of parts that covers a position, by the positions at which groups begin, from the front."""
+
+    def __init__(self, track: Track, begins: list[tuple[Place, int]], count: int) -> None:
+        """Arrange the positions by segment; each comes with the number of its group, from 0 to ``count`` - 1."""
+        self._track = track
+        # For each segment, a sign, and the beginnings of groups in order of this sign times the coordinate, which
+        # increases towards the rear; the first of the groups has no beginning on the segment.
+        self.sides = dict[int, tuple[float, list[float], list[int]]]()
+        before = (begins[0][1] - 1) % count
+        for k in reversed(range(len(track.segments))):
+            on = [(place.u.hi, group) for place, group in begins if place.segment == k]
+            sense = -1.0 if track.segments[k].rate(track.segments[k].last) > 0 else 1.0
+            self.sides[k] = sense, [sense * u for u, _ in on], [before, *(group for _, group in on)]
+            before = self.sides[k][2][-1]
+
+    def of(self, place: Place) -> int:
+        """Return the group that covers a position."""
+        sense, begins, groups = self.sides[place[0]]
+        return groups[bisect_right(begins, sense * place[1][0])]
+
+    def of_many(self, places: Places) -> Ints:
+        """Return the groups that cover many positions."""
+        (segment, u, _), out = places, np.empty_like(places[0])
+        for k in self._track.present(segment):
+            (sense, begins, groups), on = self.sides[k], segment == k
+            out[on] = np.array(groups)[np.searchsorted(begins, sense * u[on], side='right')]
+        return out
+
+
+class Layout:
+    """The span of a section of track, and the group of its parts that covers each leader on this section."""
+
+    def __init__(self, span: Span, direction: int) -> None:
+        """Store a span; positions are computed on first use."""
+        self.span, self.direction = span, direction
+        self._groups = dict[float, Groups | None]()
+
+    def groups(self, link_m: float = 0.0) -> Groups | None:
+        """Return the groups of leaders one link before a block (of the block's own leaders, if ``link_m`` is 0).
+
+        The result is None if there is a single group, or if there are no such leaders.
+        """
+        if link_m not in self._groups:
+            self._groups[link_m] = self._groups_of(link_m) if len(self.span.groups) > 1 else None
+        return self._groups[link_m]
+
+    def _groups_of(self, link_m: float) -> Groups | None:
+        track, begins = self.span.track, self.span.begins()
+        if link_m:
+            leaders = ((towards_leader(track, place, link_m, self.direction), group) for place, group in begins)
+            begins = [(leader, group) for leader, group in leaders if leader]
+        return Groups(track, begins, len(self.span.groups)) if begins else None
+
+
 @dataclass(frozen=True, eq=False)
 class Entrance:
     """A lookup of a tile's cells by the coordinates of leaders on a stretch between two positions.
 
     Leaders of blocks are in rows of the table. Leaders one link before a block are not in any row; ``lead_in`` holds
-    their series. ``chart`` holds the charts of the cells.
+    their series. ``chart`` holds the charts of the cells. If there are several ``groups``, only the leaders in the
+    group of the tile are on the stretch.
     """
 
     tile: 'Tile'
     chart: Chart
     fore: Place
     rear: Place
+    groups: Groups | None
     lead_in: LeadIn | None = None
 
     @cached_property
@@ -188,6 +247,10 @@ class Entrance:
         along = sense * high
         if not front < along <= rear:
             return _ELSEWHERE
+        if self.groups is not None:     # as ``Groups.of``, without a call
+            _, fronts, groups = self.groups.sides[place[0]]
+            if groups[bisect_right(fronts, along)] != self.tile.group:
+                return _ELSEWHERE
         # A position before the first cell is in the first cell or in no cell.
         number = cells[bisect_right(begins, along, 1) - 1]
         cell = self._cells.get(number) or self._cell(number)
@@ -204,10 +267,12 @@ class Entrance:
 
 @dataclass(frozen=True, eq=False)
 class Tile:
-    """The table for the leaders of blocks on one stretch of a track, between two positions."""
+    """The table for the leaders of blocks in one group on one section of a track, between two positions."""
 
     track: Track
     table: Table
+    layout: Layout
+    group: int
     fore: Place
     rear: Place
     entrances: dict[tuple[float, int], Entrance | None]     # for leaders one link before a block, by link and stretch
@@ -231,7 +296,7 @@ class Tile:
     @cached_property
     def entrance(self) -> Entrance:
         """The entrance for the leaders of blocks."""
-        return Entrance(self, chart_of(self.table), self.fore, self.rear)
+        return Entrance(self, chart_of(self.table), self.fore, self.rear, self.layout.groups())
 
     def spots(self, places: Places) -> tuple[Spots, Array]:
         """Return the locations of many positions on the stretch, and whether the table covers each position."""
@@ -356,7 +421,8 @@ class ShiftMap:
         stretch = _STRETCH_LINKS if len(track.segments) == 1 else _STRETCH_JOINED
         self._stretches = links_of_tile(links, len(track.segments)) // stretch    # number per tile
         self.stretch_m, self._before_m = stretch * link_m, _BEFORE_LINKS * link_m
-        self._tiles: OrderedDict[int, Tile | None] = OrderedDict()
+        self._layouts: OrderedDict[int, Layout | None] = OrderedDict()
+        self._tiles: OrderedDict[tuple[int, int], Tile | None] = OrderedDict()     # by section and group
         self._kept: deque[tuple[Entrance, int]] = deque()
         self._last: Entrance | None = None
         self._last_before: Entrance | None = None
@@ -378,7 +444,7 @@ class ShiftMap:
         last = self._last       # another thread may replace ``_last``
         found = last.spot(place) if last is not None else _ELSEWHERE
         if found is _ELSEWHERE:
-            tile = self._tile(self._number(place) // self._stretches)
+            tile = self._tile_of(self._number(place), place)
             if tile is None:
                 return None
             self._last = entrance = tile.entrance
@@ -390,22 +456,32 @@ class ShiftMap:
         last = self._last_before
         found = last.spot(leader) if last is not None else _ELSEWHERE
         if found is _ELSEWHERE:
-            entrance = self._entrance_before(self._number(leader, link_m), link_m)
+            number = self._number(leader, link_m)
+            tile = self._tile_of(number, leader, link_m)
+            entrance = self._entrance_before(tile, number, link_m) if tile else None
             if entrance is None:
                 return None
             self._last_before = entrance
             found = entrance.spot(leader)
         return None if found is _ELSEWHERE else found       # if not found, no series converges on the segment
 
-    def _entrance_before(self, number: int, link_m: float) -> Entrance | None:
+    def _entrance_before(self, tile: Tile, number: int, link_m: float) -> Entrance | None:
         """Return the entrance for leaders one link before blocks on a stretch, or None if there are no such leaders."""
-        tile = self._tile(number // self._stretches)
-        if tile and (link_m, number) not in tile.entrances:
+        if (link_m, number) not in tile.entrances:
             found = lead_in(self.track, tile.table, (link_m, self.link_m), self.direction, self._stretch_of(number, 1))
             tile.entrances[link_m, number] = None if found is None else Entrance(
                 tile, found.chart, self._leader_at(number + 1, link_m) or self._end(1),
-                self._leader_at(number, link_m) or self._end(-1), found)
-        return tile.entrances[link_m, number] if tile else None
+                self._leader_at(number, link_m) or self._end(-1), tile.layout.groups(link_m), found)
+        return tile.entrances[link_m, number]
+
+    def build_all(self, leader: Place, link_m: float = 0.0) -> None:
+        """Build the tables of all groups for leaders on the stretch of a leader, with the series for its link."""
+        number = self._number(leader, link_m)
+        layout = self._layout(number // self._stretches)
+        for group in range(len(layout.span.groups) if layout else 0):
+            tile = self._tile(number // self._stretches, group)
+            if tile and link_m:
+                self._entrance_before(tile, number, link_m)
 
     def spots(self, places: Places) -> list[tuple[Ints, Spots]] | None:
         """Return the indices and the locations of many positions, by tile, or None if any is not in a table."""
@@ -414,18 +490,29 @@ class ShiftMap:
         if numbers is None:
             return None
         numbers //= self._stretches
-        tiles = sorted(set(numbers.tolist()))       # np.unique would import masked arrays
-        each = [(np.flatnonzero(numbers == one) if len(tiles) > 1 else np.arange(segment.size), one) for one in tiles]
+        sections = sorted(set(numbers.tolist()))       # np.unique would import masked arrays
+        each = [(np.flatnonzero(numbers == one) if len(sections) > 1 else np.arange(segment.size), one)
+                for one in sections]
         out = []
-        for rows, one in each:
-            tile = self._tile(one)
-            if tile is None:
-                return None
-            spots, known = tile.spots((segment[rows], u[rows], lo[rows]))
-            if not np.all(known):
-                return None
-            out.append((rows, spots))
+        for of_section, one in each:
+            for rows, group in self._by_group(one, of_section, places):
+                tile = self._tile(one, group)
+                if tile is None:
+                    return None
+                spots, known = tile.spots((segment[rows], u[rows], lo[rows]))
+                if not np.all(known):
+                    return None
+                out.append((rows, spots))
         return out
+
+    def _by_group(self, number: int, rows: Ints, places: Places) -> list[tuple[Ints, int]]:
+        """Return the rows of positions in a section, by the group that covers them."""
+        layout = self._layout(number)
+        groups = layout.groups() if layout else None
+        if groups is None:
+            return [(rows, 0)]
+        group = groups.of_many((places[0][rows], places[1][rows], places[2][rows]))
+        return [(rows[group == one], one) for one in sorted(set(group.tolist()))]
 
     def _numbers(self, places: Places) -> Ints | None:
         """Return the indices of the stretches of many positions, or None if floats cannot resolve links there."""
@@ -489,17 +576,49 @@ class ShiftMap:
         """Return the distances of both ends of consecutive stretches along the track, in metres."""
         return number * self.stretch_m - self._before_m, (number + stretches) * self.stretch_m - self._before_m
 
-    def _tile(self, number: int) -> Tile | None:
-        """Return a tile, built on first use, or None if it has no table."""
+    def _layout(self, number: int) -> Layout | None:
+        """Return the layout of a section of track, computed on first use, or None if it has no tables."""
         try:
-            self._tiles.move_to_end(number)
-            return self._tiles[number]
-        except KeyError:        # not yet built, or dropped
+            self._layouts.move_to_end(number)
+            return self._layouts[number]
+        except KeyError:        # not yet computed, or dropped
             pass
         with self._building:
-            if number in self._tiles:
-                return self._tiles[number]
-            tile = self._tiles[number] = self._built(number)
+            if number in self._layouts:
+                return self._layouts[number]
+            layout = self._layouts[number] = self._laid_out(number)
+            while len(self._layouts) > _MOST_LAYOUTS:
+                self._layouts.popitem(last=False)
+            return layout
+
+    def _laid_out(self, number: int) -> Layout | None:
+        track, (low_m, high_m) = self.track, self._stretch_of(number * self._stretches, self._stretches)
+        far_m = track.far_m(max(low_m, track.begin_m), min(high_m, track.end_m))
+        if self.link_m <= _SHORTEST * far_m:
+            return None
+        span = span_of(track, self.link_m, Stretch(low_m, high_m, self.links, self.direction))
+        return Layout(span, self.direction) if span else None
+
+    def _tile_of(self, number: int, place: Place, link_m: float = 0.0) -> Tile | None:
+        """Return the tile for a leader on a stretch, one link before a block if ``link_m`` is given."""
+        section = number // self._stretches
+        layout = self._layout(section)
+        groups = layout.groups(link_m) if layout else None
+        return self._tile(section, groups.of(place) if groups else 0)
+
+    def _tile(self, number: int, group: int) -> Tile | None:
+        """Return the tile of a group of a section, built on first use, or None if it has no table."""
+        key = number, group
+        try:
+            self._tiles.move_to_end(key)
+            return self._tiles[key]
+        except KeyError:        # not yet built, or dropped
+            pass
+        layout = self._layout(number)
+        with self._building:
+            if key in self._tiles:
+                return self._tiles[key]
+            tile = self._tiles[key] = self._built(number, group, layout) if layout else None
             while len(self._tiles) > 1 and (self.memory_bytes > _MOST_BYTES or len(self._tiles) > _MOST_TILES):
                 _, gone = self._tiles.popitem(last=False)
                 stay = [one for one in self._kept if one[0].tile is not gone]
@@ -507,16 +626,12 @@ class ShiftMap:
                 self._kept.extend(stay)
             return tile
 
-    def _built(self, number: int) -> Tile | None:
-        track, first = self.track, number * self._stretches
-        low_m, high_m = self._stretch_of(first, self._stretches)
+    def _built(self, number: int, group: int, layout: Layout) -> Tile | None:
+        first = number * self._stretches
         fore = self._boundary(first + self._stretches) or self._end(1)
         rear = self._boundary(first) or self._end(-1)
-        far_m = track.far_m(max(low_m, track.begin_m), min(high_m, track.end_m))
-        if self.link_m <= _SHORTEST * far_m:
-            return None
-        table = build(track, self.link_m, Stretch(low_m, high_m, self.links, self.direction), self.tier)
-        return Tile(track, table, fore, rear, {}, self._kept) if table else None
+        table = build(layout.span, group, self.tier)
+        return Tile(self.track, table, layout, group, fore, rear, {}, self._kept) if table else None
 
     def _end(self, side: int) -> Place:
         """Return the end of the track ahead (``side`` 1) or behind; an open track ends infinitely far away."""

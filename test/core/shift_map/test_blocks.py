@@ -22,7 +22,7 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.shift_map.blocks import Placement, TabulatedLinks, lengths_with_maps
-from dragon_ros.core.shift_map.build import Stretch, build
+from dragon_ros.core.shift_map.build import Stretch, build, span_of
 from dragon_ros.core.shift_map.table import ShiftMap
 from dragon_ros.core.step import state
 from dragon_ros.core.tiers import EXACT
@@ -247,9 +247,11 @@ def test_where_a_track_begins_the_last_links_are_marched_and_said_to_be_unless_t
 
 def test_links_that_have_no_length_or_are_too_many_have_no_table():
     track, stretch = track_of(STurn()), Stretch(-50.0, 50.0, 20, BEHIND)
-    assert build(track, 1.65, stretch, EXACT)
-    assert build(track, 0.0, stretch, EXACT) is None
-    assert build(track, 1e-4, stretch, EXACT) is None
+    span = span_of(track, 1.65, stretch)
+    assert span
+    assert build(span, 0, EXACT)
+    assert span_of(track, 0.0, stretch) is None
+    assert span_of(track, 1e-4, stretch) is None
 
 
 @pytest.mark.parametrize(('pitch_m', 'diameter_m', 'covered'), [

@@ -4,6 +4,7 @@ The promises are tested against the 50-digit reference in test_accuracy.
 """
 from dataclasses import replace
 from itertools import product
+from threading import Thread
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import strategies as st
 from properties import thinned
 
 from dragon_ros.core.batches import states
+from dragon_ros.core.chain.chain import marched
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.forward import Block, forward_many, placed
 from dragon_ros.core.chain.head_law import Head
@@ -20,7 +22,8 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.shift_map import build
-from dragon_ros.core.shift_map.blocks import Placement, TabulatedLinks, lengths_with_maps
+from dragon_ros.core.shift_map.blocks import Placement, TabulatedLinks, TabulatedStates, lengths_with_maps
+from dragon_ros.core.shift_map.lead_in import towards_leader
 from dragon_ros.core.shift_map.leader_map import MappedLinks
 from dragon_ros.core.shift_map.table import Entrance, ShiftMap
 from dragon_ros.core.step import state, tick
@@ -384,7 +387,7 @@ def test_series_that_rounding_ends_a_little_early_have_a_table_that_keeps_the_pr
 def test_series_that_rounding_ends_far_too_early_have_no_table():
     model = compile_scene(street(40, (50, 80), 1)).model
     shift = ShiftMap(model.track, 1.65, 222, model.direction, model.tier)
-    assert shift._tile(shift._number(model.leader.place((3.0, 0.0)), 2.86) // shift._stretches) is None
+    assert shift._tile(shift._number(model.leader.place((3.0, 0.0)), 2.86) // shift._stretches, 0) is None
 
 
 @pytest.mark.parametrize('pieces', [
@@ -401,3 +404,117 @@ def test_joints_that_are_moved_ahead_together_are_where_each_alone_is(pieces, mo
     for one, joint in zip(together, joints, strict=True):
         off_m = np.subtract(*(track.distance_of(build._pulled(track, link_m, place, back_m)) for place in (one, joint)))
         assert abs(off_m.sum()) < 1e-12
+
+
+# Each of these has so many joints within reach of the dragon that its tiles are divided into groups of parts. The last
+# track begins where the dragon's tail is.
+STREETS = {
+    'head': replace(street(120, (30, 60), 2), dragon=Dragon(60)),
+    'even links': replace(street(120, (30, 60), 2), dragon=Dragon(60, 2.2)),
+    'tail': replace(street(120, (30, 60), 2), dragon=Dragon(60, 2.2), head=Head(-1.0, 'tail')),
+    'begins': Scene(Dragon(60), Composite((SpiralArc(1.0, 2.0, 4.0), *(Arc(2.0, (-1) ** k * 40.0) for k in range(100)),
+                                           Line(30.0)), start_m=130.0), Head(-1.0), run=Run(0, 5))}
+
+
+def laid_out(scene):
+    """Return the model of a scene, a placement without tables, and its shift map with a layout at the leader."""
+    model = compile_scene(scene).model
+    place = replace(model.placement, maps={link_m: ShiftMap(model.track, link_m, links, model.direction, model.tier)
+                                           for link_m, links in lengths_with_maps(model.links_m).items()})
+    shift, = place.maps.values()
+    return model, place, shift
+
+
+def travelled(scene, times_s):
+    """Return the positions of the leader."""
+    model = compile_scene(scene).model
+    return [model.leader.place(scene.head.travelled_m(t_s)) for t_s in times_s]
+
+
+@pytest.mark.parametrize('name', thinned(STREETS, 'head'.__eq__))
+def test_on_a_street_of_many_pieces_chains_are_where_the_march_puts_them(name):
+    (_, place, shift), promise_m = laid_out(STREETS[name]), compile_scene(STREETS[name]).promise_m
+    solvers = set()
+    for leader in travelled(STREETS[name], np.linspace(0.5, 4.5, 31).tolist()):
+        chain, other = place.place(leader), marched(place.track, place.links_m, leader, place.direction)
+        solvers.add(type(chain.parts[0]))
+        np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=0.1 * promise_m)
+        np.testing.assert_allclose(chain.velocities(1.0), other.velocities(1.0), rtol=0, atol=0.1 * promise_m)
+    assert solvers == {TabulatedLinks}
+    assert len({tile.group for tile in shift.tiles}) >= 2
+
+
+def test_the_first_place_on_a_street_of_many_pieces_builds_the_table_of_one_group():
+    _, place, shift = laid_out(STREETS['head'])
+    leader, = travelled(STREETS['head'], [1.0])
+    place.place(leader)
+    tile, = shift.tiles
+    groups = tile.layout.span.groups
+    assert len(groups) >= 2
+    assert sum(map(len, groups)) > len(groups[tile.group])
+    place.build_near(leader)
+    assert sorted(one.group for one in shift.tiles) == [*range(len(groups))]
+
+
+@pytest.mark.parametrize('name', thinned(STREETS, 'head'.__eq__))
+def test_on_a_street_places_have_the_same_bits_whatever_tables_exist(name, monkeypatch):
+    leaders = travelled(STREETS[name], np.random.default_rng(4).uniform(0.5, 4.5, 8).tolist())
+    _, place, _ = laid_out(STREETS[name])
+    expected = [(chain.p.tobytes(), chain.velocities(1.0).tobytes()) for chain in map(place.place, leaders)]
+    _, other, shift = laid_out(STREETS[name])
+    monkeypatch.setattr('dragon_ros.core.shift_map.table._MOST_BYTES', 1)       # only the latest tile is kept
+    monkeypatch.setattr('dragon_ros.core.shift_map.table._MOST_LAYOUTS', 0)     # and no layout
+    for leader, bits in reversed([*zip(leaders, expected, strict=True)]):
+        chain = other.place(leader)
+        assert (chain.p.tobytes(), chain.velocities(1.0).tobytes()) == bits
+        assert len(shift.tiles) == 1
+
+
+def test_on_a_street_places_have_the_same_bits_while_another_thread_builds_tables():
+    leaders = travelled(STREETS['head'], np.linspace(0.5, 4.5, 40).tolist())
+    _, place, _ = laid_out(STREETS['head'])
+    expected = [place.place(leader).p.tobytes() for leader in leaders]
+    _, other, _ = laid_out(STREETS['head'])
+    thread = Thread(target=other.build_near, args=(leaders[0],))
+    thread.start()
+    found = [other.place(leader).p.tobytes() for leader in reversed(leaders)]
+    thread.join()
+    assert found[::-1] == expected
+
+
+@pytest.mark.parametrize('name', thinned(STREETS, 'head'.__eq__))
+def test_next_to_the_beginning_of_a_group_a_leader_is_in_one_group_and_chains_are_where_the_march_puts_them(name):
+    model, place, shift = laid_out(STREETS[name])
+    leader, = travelled(STREETS[name], [2.0])
+    place.place(leader)
+    link_m = place._lead[0] if place._lead else 0.0
+    layout = shift.tiles[0].layout
+    groups, promise_m = layout.groups(link_m), compile_scene(STREETS[name]).promise_m
+    begins = [(towards_leader(model.track, begin, link_m, model.direction) if link_m else begin, group)
+              for begin, group in layout.span.begins()]
+    here_m, compared = model.track.about_m(leader), 0
+    for begin, group in begins:
+        if not begin or abs(model.track.about_m(begin) - here_m) > 2.0:
+            continue
+        for past_m in (-1e-6, 1e-6):
+            one = model.track.place_at(model.track.distance_of(begin)[0] + past_m)
+            assert groups.of(one) == (group if past_m < 0 else (group - 1) % len(layout.span.groups))
+        for past_m in (-1e-12, -1e-13, 0.0, 1e-13, 1e-12):
+            one = model.track.place_at(model.track.distance_of(begin)[0] + past_m)
+            chain, other = place.place(one), marched(model.track, model.links_m, one, model.direction)
+            np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=0.1 * promise_m)
+            compared += 1
+    assert compared >= 10
+    many = [model.track.place_at(metres) for metres in np.linspace(here_m - 3, here_m + 3, 300).tolist()]
+    some = tuple(np.array(values) for values in zip(*((k, *u) for k, u in many), strict=True))
+    assert groups.of_many(some).tolist() == [groups.of(one) for one in many]
+
+
+@pytest.mark.parametrize('name', thinned(STREETS, 'even links'.__eq__))
+def test_many_places_on_a_street_agree_with_each_to_a_hair(name):
+    _, place, _ = laid_out(STREETS[name])
+    leaders = travelled(STREETS[name], np.linspace(0.5, 4.5, 25).tolist())
+    chain = place.place_many(tuple(np.array(values) for values in zip(*((k, *u) for k, u in leaders), strict=True)))
+    assert any(isinstance(part, TabulatedStates) for part in chain.parts)
+    for p, leader in zip(chain.p, leaders, strict=True):
+        np.testing.assert_allclose(p, place.place(leader).p, rtol=0, atol=1e-12)
