@@ -1,6 +1,7 @@
 """Style all figures and write them to files. Matplotlib is imported only when a figure is drawn."""
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -68,6 +69,19 @@ def joined(one: str, other: str, by: str, inches: float) -> str:
 def legend_below(axes: Any, columns: int = 2, **options: Any) -> None:
     """Put the legend below the axes, where it covers nothing; constrained layout reserves space for it."""
     axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.13), ncols=columns, **options)
+
+
+def thin_labels(axis: Any) -> None:
+    """Use as many ticks as possible on a horizontal axis of fixed size and range, without overlapping labels.
+
+    By default, Matplotlib assumes labels of three digits.
+    """
+    from matplotlib.ticker import MaxNLocator
+    for intervals in range(9, 0, -1):
+        axis.set_major_locator(MaxNLocator(intervals, steps=(1, 2, 2.5, 5, 10)))
+        boxes = [label.get_window_extent() for label in axis.get_ticklabels()]
+        if all(one.x1 + one.height / 2 < other.x0 for one, other in pairwise(boxes)):
+            return
 
 
 def add_lines(axes: Any, patch: Any) -> None:

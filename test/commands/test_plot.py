@@ -1,6 +1,7 @@
 """Every kind of picture of a scene or a bag is byte-identical each time, or a clear error is reported."""
 import re
 import struct
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -301,6 +302,15 @@ def test_no_text_of_a_picture_is_small_cropped_or_on_another_and_no_legend_lies_
             seen = pictures.Picture(figure)
             assert (kind, seen.cropped(), seen.overlapping(), seen.hidden()) == (kind, [], [], [])
             assert kind == 'film' or (kind, seen.small()) == (kind, [])
+
+
+@pytest.mark.parametrize(('size', 'stop_s'), [((640, 360), 396), ((320, 240), 394.01), ((1920, 1080), 396)])
+def test_the_times_below_the_clearance_of_a_short_film_do_not_overlap(scene, size, stop_s):
+    source = SceneSource('short', replace(scene, run=Run(390, 400)))
+    with style():
+        drawn = AnimatedFigure(source, np.linspace(394, stop_s, 3), film=size)
+        assert pictures.Picture(drawn.figure).overlapping() == []
+    assert len(drawn.figure.axes[1].get_xticks()) > 2
 
 
 def test_a_picture_shows_the_whole_dragon_with_its_track_around_it_wherever_it_is(source):

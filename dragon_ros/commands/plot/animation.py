@@ -12,7 +12,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from dragon_ros.cli import figures
-from dragon_ros.cli.figures import HEAD, LINES, QUIET
+from dragon_ros.cli.figures import HEAD, LINES, QUIET, thin_labels
 from dragon_ros.cli.pool import ALONE, Pool
 from dragon_ros.commands.plot.dragon import Overlaps, draw, overlaps, panel, sheet
 from dragon_ros.commands.plot.film import movie
@@ -235,6 +235,7 @@ class _Beside:
         gap.plot(at_s, 1e3 * gaps_m, color=LINES[0], linewidth=1.6)
         which = 'to benches or obstacles' if source.has_obstacles else 'between benches'
         gap.set(title=f'smallest gap {which} (mm)', xlabel='time (s)', xlim=(times_s[0], times_s[-1]))
+        thin_labels(gap.xaxis)
         gap.axhline(0.0, color=QUIET, linewidth=0.8)
         self._now = gap.axvline(times_s[0], color=QUIET, linewidth=1.0)
         self._gap, = gap.plot([], [], marker='o', markersize=8, color=HEAD, linestyle='none', clip_on=False)
