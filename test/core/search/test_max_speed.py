@@ -52,9 +52,10 @@ def test_on_a_spiral_no_handle_is_faster_than_the_one_before_it():
 
 
 def test_led_by_the_tail_the_fastest_handle_is_numbered_from_the_head():
-    found = max_speed(Scene(track=replace(TURNING.track, before_m=-30.0), head=Head(1.0, 'tail'), run=Run(0, 10)))
-    v = velocity_of(scene := Scene(track=replace(TURNING.track, before_m=-30.0), head=Head(1.0, 'tail'),
-                                   run=Run(0, 10)), states(scene, [found.gone_m]), [found.gone_m])[0]
+    scene = Scene(dragon=Dragon(60), track=replace(TURNING.track, before_m=-30.0), head=Head(1.0, 'tail'),
+                  run=Run(0, 10))
+    found = max_speed(scene)
+    v = velocity_of(scene, states(scene, [found.gone_m]), [found.gone_m])[0]
     assert np.argmax(np.hypot(v[:, 0], v[:, 1])) == pytest.approx(found.handle, abs=1)
 
 
