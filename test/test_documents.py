@@ -56,6 +56,8 @@ SUBSTITUTES = {
     './dragon monitor': ('monitor --help', 'runs until Ctrl-C; test/nodes/test_examples.py publishes handles for it'),
     './dragon table --contest': (None, 'takes half a minute on a busy machine; '
                                 'test/commands/test_contest_files.py writes the tables'),
+    './dragon simulate --scene first_contact': (
+        'simulate --scene first_contact --set run.start_s=404 --set run.stop_s=406 --output run.mcap', 'a shorter run'),
     './dragon contact --near-misses': ('contact --scene first_contact --near-misses 0.01 --certificate proof.json',
                                        'a shorter run, whose certificate takes less time to check'),
     './dragon study pitch_map --output': ('study --help', 'takes minutes; test/commands/test_study_command.py runs '
