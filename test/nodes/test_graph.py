@@ -405,9 +405,11 @@ def test_the_recorder_survives_stamps_that_no_clock_shows(start, node, tmp_path)
 
 def test_a_sim_that_its_reader_holds_back_still_ends_on_a_signal(start):
     monitor = start('monitor')
-    sim = start('sim', '--json', '--ros-args', '-p', 'time_scale:=0.0', '-p', 'wait_subscribers:=[handles=1,benches=1]')
-    sim.wait_for('"t_s"')
+    sim = start('sim', '--json', '--set', 'dragon.benches=5', '--ros-args', '-p', 'time_scale:=0.0', '-p',
+                'wait_subscribers:=[handles=1,benches=1]')
+    sim.wait_for('starting')
     monitor.signal(signal.SIGSTOP)
+    sim.wait_for('"t_s"')
     assert sim.stop() == 0, sim.text
     assert 'Traceback' not in sim.text
     monitor.signal(signal.SIGCONT)
