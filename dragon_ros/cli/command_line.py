@@ -55,6 +55,10 @@ class Parser(argparse.ArgumentParser):
         if any('\0' in text for text in args or ()):
             self.error('an argument contains a NUL character; remove it')
         arguments = super().parse_args(args, namespace)
+        try:
+            _check_output(arguments)
+        except InputError as error:
+            self.error(str(error))
         if 'formats' in arguments:
             _settle_format(self, arguments)
         return arguments
@@ -255,6 +259,14 @@ def check_keeps(option: str, path: Path | None, *sources: str | Path | None) -> 
         if path is not None and source is not None and os.path.exists(source) and path.exists() and (
                 path.samefile(source)):
             raise InputError(f'{option} {path}: this is the file that is read; give another file')
+
+
+def _check_output(arguments: argparse.Namespace) -> None:
+    """Raise InputError if --output names the bag or the scene file that the command reads."""
+    given, scene = getattr(arguments, 'output', None), getattr(arguments, 'scene', None)
+    is_file = scene is not None and Path(scene).suffix in ('.yaml', '.yml')
+    for path in given if isinstance(given, list) else [given]:
+        check_keeps('--output', path, getattr(arguments, 'bag', None), scene if is_file else None)
 
 
 def write_output(path: Path | None, content: str | bytes, option: str = '--output') -> None:
