@@ -16,10 +16,12 @@ from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.scene import NS, Run, Scene
 from dragon_ros.core.shift_map.build import NODES, Table
 from dragon_ros.core.shift_map.leader_map import LeaderCell
 from dragon_ros.core.step import state
+from dragon_ros.core.tracks.composite import track_of
+from dragon_ros.core.tracks.spec import Arc, Composite, Line
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed, timed_in_turn
 from dragon_ros.scenes.load import load_scene
 from hard_cases.dances import dances
@@ -58,11 +60,23 @@ def measure(budget_s: float = 0.3) -> list[Row]:
     """Measure every scene that can use a shift map; progress goes to standard error."""
     scenes = {name: load_scene(name) for name in _NAMED}
     scenes |= {case.name: case.scene for case in dances()}
+    scenes['street-300'] = street(300)
     served = {name: scene for name, scene in scenes.items()
               if state(scene, scene.run.start_s).solver.startswith('table')}
     rates = tick_rates(budget_s)
     return [_row(name, scene, rates, budget_s) for name, scene in tqdm(served.items(), desc='cost first', unit='scene',
                                                                       disable=None)]
+
+
+def street(arcs: int) -> Scene:
+    """Return a street of arcs almost too tight for the head's link, with radii of 1.46 to 1.6 m and turns of 30 to 60°.
+
+    The dragon is near its far end.
+    """
+    shares = [(0.618 * k % 1, 0.414 * k % 1) for k in range(arcs)]
+    track = Composite((Line(500.0), *(Arc(1.46 + 0.14 * radius, (-1) ** k * (30 + 30 * turn))
+                                      for k, (radius, turn) in enumerate(shares)), Line(30.0)))
+    return Scene(track=replace(track, start_m=track_of(track).end_m - 40), run=Run(0, 20))
 
 
 def _row(name: str, scene: Scene, rates: Amounts, budget_s: float) -> Row:

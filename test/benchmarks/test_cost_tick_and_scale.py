@@ -87,6 +87,12 @@ def test_a_map_has_paid_where_the_march_has_taken_longer(seconds, tick):
         assert first + later * (tick - 1) <= first_marched + marched * (tick - 1) + 1e-9
 
 
+def test_the_street_of_the_page_has_tables():
+    scene = first_ticks.street(60)
+    assert state(scene, 0.0).solver.startswith('table')
+    assert len(compile_scene(scene).model.track.segments) == 62
+
+
 def test_the_page_of_first_ticks_has_a_line_a_scene_and_a_picture(tmp_path):
     rows = [first_row(10.2e-3, 1e-5, 2e-4, 2.1e-4), first_row(1e-2, 3e-4, 2e-4, 2e-4)]
     with np.errstate(all='warn'):
