@@ -287,7 +287,7 @@ def elsewhere(*command):
     return process.poll(), output
 
 
-@pytest.mark.parametrize('change', thinned([None, damaged, late], lambda change: change is not late))
+@pytest.mark.parametrize('change', thinned([None, damaged, late], lambda change: change is damaged))
 def test_a_check_says_the_same_with_any_number_of_workers(capsys, variant, change):
     path = variant(change)
     check = ['inspect', path, '--check', '--format', 'json']
@@ -335,7 +335,7 @@ def test_faults_of_two_parts_are_those_of_the_whole(ticks, cut):
         whole.fault_count, whole.missing_count, whole.equal, whole.seen)
 
 
-@pytest.mark.parametrize('suffix', thinned(['csv', 'npz', 'parquet'], lambda suffix: suffix != 'npz'))
+@pytest.mark.parametrize('suffix', thinned(['csv', 'npz', 'parquet'], lambda suffix: suffix == 'csv'))
 def test_an_export_has_the_same_bytes_with_any_number_of_workers(capsys, tmp_path, long, suffix):
     more = ['--handles', '0-5', '--every', '3' if suffix == 'parquet' else '1']
     files = [tmp_path / f'{name}.{suffix}' for name in 'ab']
@@ -344,6 +344,7 @@ def test_an_export_has_the_same_bytes_with_any_number_of_workers(capsys, tmp_pat
     assert files[0].read_bytes() == files[1].read_bytes()
 
 
+@pytest.mark.long       # by default, an export has the same bytes, and the ticks of such a bag are read in parts
 def test_an_export_of_a_bag_at_wall_time_has_the_same_bytes_too(capsys, tmp_path, variant):
     files = [tmp_path / f'{name}.csv' for name in 'abc']
     for change, file, workers in ((None, files[0], 1), (late, files[1], 1), (late, files[2], 2)):

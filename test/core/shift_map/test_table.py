@@ -470,6 +470,7 @@ def test_on_a_street_places_have_the_same_bits_whatever_tables_exist(name, monke
         assert len(shift.tiles) == 1
 
 
+@pytest.mark.long       # by default, the same is tested of leader maps, and of tables in any order
 def test_on_a_street_places_have_the_same_bits_while_another_thread_builds_tables():
     leaders = travelled(STREETS['head'], np.linspace(0.5, 4.5, 40).tolist())
     _, place, _ = laid_out(STREETS['head'])
