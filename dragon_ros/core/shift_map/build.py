@@ -21,7 +21,8 @@ NODES = 24            # number of terms of a series before truncation
 _MOST_STEPS = 100_000       # maximum total number of links from the joints to the span
 _MOST_BYTES = 256_000_000   # maximum total size of the series of all tables of a span
 # The maximum number of parts of one table, before parts are cut into thirds. On a street of 300 pieces, the table for
-# the first position then takes a third of the time of a table with all parts, and all tables take 1.4 times as long.
+# the first position then takes a third of the time of a table with all parts, and all tables together take 1.3 to 1.7
+# times as long.
 _MOST_PARTS = 48
 _MANY_JOINTS = 16           # minimum number of joints for moving them ahead together; fewer are faster one by one
 _PULLS = 2                  # number of times that many joints are moved ahead together; few links are left after two
