@@ -110,7 +110,7 @@ def test_a_long_recording_holds_less_than_100_bytes_for_each_of_its_chunks(tmp_p
     tracemalloc.start()
     try:
         recording.fill_ticks()
-        held = [recording.go_on(1100), recording.go_on(1000), recording.go_on(1000)]    # first, fill bounded buffers
+        held = [recording.go_on(2100), recording.go_on(1000), recording.go_on(1000)]    # first, fill bounded buffers
     finally:
         tracemalloc.stop()
         recording.writer.stop()
