@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from statistics import mean, median, quantiles
+from statistics import mean
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -23,7 +23,7 @@ from dragon_ros.cli.dds_domain import free_domain, local_environment
 from dragon_ros.cli.figures import PAGE_IN, TEXT_PT
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tiers import EXACT, PAPER, TIERS
-from dragon_ros.cost.measure import PASSES, TIMES, Timing, circumstances, fastest, timed
+from dragon_ros.cost.measure import PASSES, TIMES, Timing, circumstances, fastest, timed, timing_of
 
 _TIMES_S = (0.0, 60.0, 150.0, 240.0, 300.0, 360.0, 400.0, 412.0)
 _ALL = (*STAGES, 'publish')
@@ -116,8 +116,7 @@ def _messages(budget_s: float) -> dict[str, Timing]:
         print(f'cost: publishing is omitted: {(done.stderr.strip().splitlines() or ["?"])[-1]}', file=sys.stderr)
         return {}
     spent: dict[str, list[float]] = json.loads(done.stdout)
-    return {name: Timing(median(each), quantiles(each, n=4)[0], quantiles(each, n=4)[2], len(each))
-            for name, each in spent.items()}
+    return {name: timing_of(each) for name, each in spent.items()}
 
 
 def table(rows: Measured) -> str:
