@@ -13,11 +13,9 @@ built stretch by stretch, when the leader first reaches a stretch. Stretches are
 bit-identical across runs and processes.
 """
 from bisect import bisect_right
-from collections import OrderedDict
 from collections.abc import Callable
 from functools import cached_property, partial
 from math import acos, ceil, copysign, floor, hypot, inf, ulp
-from threading import Lock
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -30,6 +28,7 @@ from dragon_ros.core.numerics.chebyshev import series_of
 from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.shift_map.build import NODES, NOISE, SpanPart, equal_parts, on_one_segment, part_between
+from dragon_ros.core.shift_map.cache import BuildCache
 from dragon_ros.core.shift_map.table import TERMS, Product
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import Place, Places, Track
@@ -130,6 +129,14 @@ class _Stretch(NamedTuple):
     memory_bytes: int
 
 
+def _memory_bytes(stretches: list[_Stretch]) -> int:
+    return sum(stretch.memory_bytes for stretch in stretches)
+
+
+def _are_too_many(stretches: list[_Stretch]) -> bool:
+    return len(stretches) > _MOST_STRETCHES or _memory_bytes(stretches) > _MOST_BYTES
+
+
 class LeaderMap:
     """The map from the leader to all handles of a chain, with the series of the tier ``exact``."""
 
@@ -137,24 +144,23 @@ class LeaderMap:
         """Lay out the stretches without building any; ``place_many`` places the chains of many leaders."""
         self.track, self.links_m, self.direction, self._place_many = track, links_m, direction, place_many
         self.stretch_m = _STRETCH_LINKS * float(np.max(links_m))
-        self._stretches: OrderedDict[int, _Stretch] = OrderedDict()
-        self._building = Lock()     # another thread may be building a stretch in advance
+        self._stretches = BuildCache[int, _Stretch](_are_too_many)
 
     @property
     def memory_bytes(self) -> int:
         """The size of the arrays of all stretches, in bytes."""
-        return sum(stretch.memory_bytes for stretch in list(self._stretches.values()))
+        return _memory_bytes(self._stretches.values)
 
     @property
     def cells(self) -> list[LeaderCell]:
         """The cells built so far."""
-        return [cell for stretch in list(self._stretches.values()) for side in stretch.sides.values()
+        return [cell for stretch in self._stretches.values for side in stretch.sides.values()
                 for cell in side.cells]
 
     def links_of(self, leader: Place) -> MappedLinks | None:
         """Return the links that follow a leader, or None if no cell covers it."""
         k, (high, low) = leader
-        side = self._stretch(floor(self.track.about_m(leader) / self.stretch_m)).sides.get(k)
+        side = self._stretches.get(floor(self.track.about_m(leader) / self.stretch_m), self._built).sides.get(k)
         if side is None:
             return None
         # A position before the first cell is in the first cell or in no cell.
@@ -165,21 +171,6 @@ class LeaderMap:
             return None
         basis = cell.orders * acos(x if -1.0 <= x <= 1.0 else 1.0 if x > 0 else -1.0)
         return MappedLinks(cell, np.cos(basis, basis), self.links_m.size)
-
-    def _stretch(self, number: int) -> _Stretch:
-        """Return a stretch, built on first use."""
-        try:
-            self._stretches.move_to_end(number)
-            return self._stretches[number]
-        except KeyError:        # not yet built, or dropped
-            pass
-        with self._building:
-            if number not in self._stretches:
-                self._stretches[number] = self._built(number)
-                while len(self._stretches) > 1 and (self.memory_bytes > _MOST_BYTES
-                                                    or len(self._stretches) > _MOST_STRETCHES):
-                    self._stretches.popitem(last=False)
-            return self._stretches[number]
 
     def _built(self, number: int) -> _Stretch:
         low_m, high_m = self._range_m

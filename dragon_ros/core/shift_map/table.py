@@ -14,13 +14,12 @@ are aligned to the track and built on first use. Each tile depends only on the t
 across runs and processes, regardless of the order in which tiles are built.
 """
 from bisect import bisect_right
-from collections import OrderedDict, deque
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, auto
-from functools import cached_property
+from functools import cached_property, partial
 from math import acos, floor, inf
-from threading import Lock
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +28,7 @@ from dragon_ros.core.numerics.chebyshev import columns_of, in_parts
 from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.shift_map.build import Span, Stretch, Table, build, span_of
+from dragon_ros.core.shift_map.cache import BuildCache
 from dragon_ros.core.shift_map.lead_in import Chart, LeadIn, chart_of, lead_in, towards_leader
 from dragon_ros.core.tiers import Tier
 from dragon_ros.core.tracks.composite import Place, Places, Track
@@ -403,6 +403,22 @@ def _joined(leader: Floats, block: Floats, direction: int) -> Floats:
     return out
 
 
+def _memory_bytes(tiles: list[Tile | None]) -> int:
+    """Return the size of the arrays of all tiles, in bytes."""
+    return sum(tile.memory_bytes for tile in tiles if tile)
+
+
+def _are_too_many(tiles: list[Tile | None]) -> bool:
+    return len(tiles) > _MOST_TILES or _memory_bytes(tiles) > _MOST_BYTES
+
+
+def _forget(kept: deque[tuple[Entrance, int]], gone: Tile | None) -> None:
+    """Forget the cells of a tile that is dropped, because they would keep it in memory."""
+    stay = [one for one in kept if one[0].tile is not gone]
+    kept.clear()
+    kept.extend(stay)
+
+
 def links_of_tile(links: int, segments: int = 1) -> int:
     """Return a tile's length in links for blocks of up to ``links`` links on a track of ``segments`` segments."""
     whole: int = 1 << (links - 1).bit_length()
@@ -421,23 +437,23 @@ class ShiftMap:
         stretch = _STRETCH_LINKS if len(track.segments) == 1 else _STRETCH_JOINED
         self._stretches = links_of_tile(links, len(track.segments)) // stretch    # number per tile
         self.stretch_m, self._before_m = stretch * link_m, _BEFORE_LINKS * link_m
-        self._layouts: OrderedDict[int, Layout | None] = OrderedDict()
-        self._tiles: OrderedDict[tuple[int, int], Tile | None] = OrderedDict()     # by section and group
         self._kept: deque[tuple[Entrance, int]] = deque()
+        self._layouts = BuildCache[int, Layout | None](lambda layouts: len(layouts) > _MOST_LAYOUTS)    # by section
+        self._tiles = BuildCache[tuple[int, int], Tile | None](     # by section and group
+            _are_too_many, partial(_forget, self._kept))
         self._last: Entrance | None = None
         self._last_before: Entrance | None = None
         self._edges: dict[tuple[int, float], Place | None] = {}
-        self._building = Lock()     # another thread may be building a tile in advance; threads that need this tile wait
 
     @property
     def tiles(self) -> list[Tile]:
         """The tiles built so far."""
-        return [tile for tile in list(self._tiles.values()) if tile]
+        return [tile for tile in self._tiles.values if tile]
 
     @property
     def memory_bytes(self) -> int:
         """The size of the arrays of all tiles, in bytes."""
-        return sum(tile.memory_bytes for tile in self.tiles)
+        return _memory_bytes(self._tiles.values)
 
     def spot(self, place: Place) -> Spot | None:
         """Return the location of a position, or None if no table covers it."""
@@ -578,18 +594,7 @@ class ShiftMap:
 
     def _layout(self, number: int) -> Layout | None:
         """Return the layout of a section of track, computed on first use, or None if it has no tables."""
-        try:
-            self._layouts.move_to_end(number)
-            return self._layouts[number]
-        except KeyError:        # not yet computed, or dropped
-            pass
-        with self._building:
-            if number in self._layouts:
-                return self._layouts[number]
-            layout = self._layouts[number] = self._laid_out(number)
-            while len(self._layouts) > _MOST_LAYOUTS:
-                self._layouts.popitem(last=False)
-            return layout
+        return self._layouts.get(number, self._laid_out)
 
     def _laid_out(self, number: int) -> Layout | None:
         track, (low_m, high_m) = self.track, self._stretch_of(number * self._stretches, self._stretches)
@@ -608,30 +613,18 @@ class ShiftMap:
 
     def _tile(self, number: int, group: int) -> Tile | None:
         """Return the tile of a group of a section, built on first use, or None if it has no table."""
-        key = number, group
-        try:
-            self._tiles.move_to_end(key)
-            return self._tiles[key]
-        except KeyError:        # not yet built, or dropped
-            pass
-        layout = self._layout(number)
-        with self._building:
-            if key in self._tiles:
-                return self._tiles[key]
-            tile = self._tiles[key] = self._built(number, group, layout) if layout else None
-            while len(self._tiles) > 1 and (self.memory_bytes > _MOST_BYTES or len(self._tiles) > _MOST_TILES):
-                _, gone = self._tiles.popitem(last=False)
-                stay = [one for one in self._kept if one[0].tile is not gone]
-                self._kept.clear()
-                self._kept.extend(stay)
-            return tile
+        return self._tiles.get((number, group), self._built)
 
-    def _built(self, number: int, group: int, layout: Layout) -> Tile | None:
+    def _built(self, key: tuple[int, int]) -> Tile | None:
+        number, group = key
+        layout = self._layout(number)
+        table = build(layout.span, group, self.tier) if layout else None
+        if layout is None or table is None:
+            return None
         first = number * self._stretches
         fore = self._boundary(first + self._stretches) or self._end(1)
         rear = self._boundary(first) or self._end(-1)
-        table = build(layout.span, group, self.tier)
-        return Tile(self.track, table, layout, group, fore, rear, {}, self._kept) if table else None
+        return Tile(self.track, table, layout, group, fore, rear, {}, self._kept)
 
     def _end(self, side: int) -> Place:
         """Return the end of the track ahead (``side`` 1) or behind; an open track ends infinitely far away."""

@@ -463,7 +463,7 @@ def test_on_a_street_places_have_the_same_bits_whatever_tables_exist(name, monke
     expected = [(chain.p.tobytes(), chain.velocities(1.0).tobytes()) for chain in map(place.place, leaders)]
     _, other, shift = laid_out(STREETS[name])
     monkeypatch.setattr('dragon_ros.core.shift_map.table._MOST_BYTES', 1)       # only the latest tile is kept
-    monkeypatch.setattr('dragon_ros.core.shift_map.table._MOST_LAYOUTS', 0)     # and no layout
+    monkeypatch.setattr('dragon_ros.core.shift_map.table._MOST_LAYOUTS', 1)     # and only the latest layout
     for leader, bits in reversed([*zip(leaders, expected, strict=True)]):
         chain = other.place(leader)
         assert (chain.p.tobytes(), chain.velocities(1.0).tobytes()) == bits
