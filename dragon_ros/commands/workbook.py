@@ -1,5 +1,6 @@
 """Convert tables to XLSX workbooks with openpyxl."""
 from collections.abc import Iterable, Sized
+from contextlib import suppress
 from io import BytesIO
 from typing import Any, Protocol
 
@@ -33,6 +34,8 @@ def xlsx_of(head: Iterable[str], rows: _NumberedRows) -> bytes:
             sheet.append([None if value != value else value for value in row])
         book.save(out)
     except OSError as error:
+        with suppress(OSError, StopIteration):      # a sheet that is not closed fails again when it is collected
+            sheet.close()
         raise MissingError(f'xlsx: the temporary file of the sheet cannot be written: {error.strerror}; free some '
                            'space, or set TMPDIR') from None
     return out.getvalue()
