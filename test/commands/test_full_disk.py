@@ -1,4 +1,5 @@
 """On a full disk, commands end with one line and exit code 2, and an old file stays as it was."""
+import gc
 import os
 import subprocess
 import sys
@@ -19,6 +20,8 @@ SHORT = '--scene winding --set dragon.benches=3 --set run.stop_s=1'
     (f'table {SHORT} --times 0:1:0.001 --output OUT.xlsx',
      'table: xlsx: the temporary file of the sheet cannot be written: File too large; free some space, or set TMPDIR'),
     (f'plot clearance {SHORT} --output OUT.svg', 'plot: OUT.svg: cannot be written: File too large'),
+    (f'plot animation {SHORT} --pace 1 --dpi 40 --output OUT.gif',
+     'plot: --output OUT.gif: cannot be written: File too large'),
     (f'export {BAG} --force --output OUT.csv', 'export: --output OUT.csv: it cannot be written: File too large'),
     ('contact --scene first_contact --certificate OUT.json',
      'contact: --certificate OUT.json: cannot be written: File too large')])
@@ -28,7 +31,17 @@ def test_a_full_disk_is_said_in_one_line(capsys, tmp_path, arguments, says):
     old.write_bytes(b'old')
     with small_disk(1000):
         code = main(arguments.split())
+        gc.collect(1)       # nothing that is left behind fails later
     assert (code, capsys.readouterr().err) == (2, f'{says}\n')
+    assert [one.read_bytes() for one in tmp_path.iterdir()] == [b'old']
+
+
+def test_old_result_files_stay_if_the_disk_is_full(capsys, tmp_path):
+    old = tmp_path / 'result1_positions.csv'
+    old.write_bytes(b'old')
+    with small_disk(500_000):
+        code = main(['table', '--contest', str(tmp_path)])
+    assert (code, capsys.readouterr().err) == (2, f'table: --contest {tmp_path}: cannot be written: File too large\n')
     assert [one.read_bytes() for one in tmp_path.iterdir()] == [b'old']
 
 

@@ -4,13 +4,14 @@ import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
-from io import BytesIO
+from io import BytesIO, TextIOWrapper
 from pathlib import Path
 from xml.sax.saxutils import escape
 from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 
+from dragon_ros.bags.write.whole_file import whole_or_none
 from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.errors import InputError, MissingError
 from dragon_ros.core.numerics.types import Floats
@@ -124,7 +125,8 @@ def _cells(sheet: ResultSheet) -> list[list[str]]:
 
 def _write_csv(folder: Path, name: str, sheet: ResultSheet) -> Path:
     path = folder / (f'{name}.csv' if sheet.file == name else f'{name}_{sheet.file}.csv')
-    with path.open('w', encoding='utf-8-sig', newline='') as file:     # without the BOM, Excel assumes GBK
+    # Without the BOM, Excel assumes GBK.
+    with (whole_or_none(path, overwrite=True) as raw, TextIOWrapper(raw, encoding='utf-8-sig', newline='') as file):
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(('', *sheet.columns))
         writer.writerows([row, *cells] for row, cells in zip(sheet.rows, _cells(sheet), strict=True))
@@ -140,7 +142,8 @@ def _write_xlsx(path: Path, sheets: list[ResultSheet]) -> Path:
         corner = book.create_sheet(sheet.title).cell(len(sheet.rows) + 1, len(sheet.columns) + 1, 0.0)
         corner.number_format = '0.000000'
     book.save(saved)
-    with ZipFile(saved) as made, ZipFile(path, 'w', ZIP_DEFLATED) as out:
+    with (ZipFile(saved) as made, whole_or_none(path, overwrite=True) as file,
+          ZipFile(file, 'w', ZIP_DEFLATED) as out):
         for entry in made.infolist():
             data = made.read(entry)
             if found := _SHEET.fullmatch(entry.filename):

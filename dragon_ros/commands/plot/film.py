@@ -14,11 +14,12 @@ from pathlib import Path
 from queue import Full, Queue
 from shutil import which
 from threading import Thread
-from typing import Any, Protocol
+from typing import IO, Any, Protocol
 
 import numpy as np
 from matplotlib.colors import to_rgb
 
+from dragon_ros.bags.write.whole_file import whole_or_none
 from dragon_ros.cli.figures import BODY, HEAD, LINES, TOUCHED
 from dragon_ros.core.errors import InputError, MissingError
 from dragon_ros.core.numerics.types import Array
@@ -51,40 +52,38 @@ class FilmWriter(Protocol):
 
 @contextmanager
 def movie(path: Path, size: tuple[int, int], fps: int, frames: int, codec: str | None = None) -> Iterator[FilmWriter]:
-    """Write frames to a temporary file and rename it at the end; an interrupted film leaves no file.
+    """Write frames to a file that replaces an old one only when it is complete; an interrupted film leaves no file.
 
     Raises InputError for other formats, and MissingError if no program can write the format, or if the file cannot be
     written.
     """
-    part = path.with_name(f'.{path.stem}.part{path.suffix}')
-    writer = _writer(path, part, size, fps, frames, codec)
+    start = _writer(path, size, fps, frames, codec)
     try:
-        part.touch()
-        yield writer
-        writer.finish()
-        part.replace(path)
+        with whole_or_none(path, overwrite=True) as file:
+            writer = start(file)
+            try:
+                yield writer
+                writer.finish()
+            except BaseException:
+                writer.stop()
+                raise
     except OSError as error:
-        writer.stop()
         raise MissingError(f'--output {path}: cannot be written: {error.strerror or error}') from None
-    except BaseException:
-        writer.stop()
-        raise
-    finally:
-        part.unlink(missing_ok=True)
 
 
-def _writer(path: Path, part: Path, size: tuple[int, int], fps: int, frames: int, codec: str | None) -> FilmWriter:
-    """Return the writer for the path's suffix."""
+def _writer(path: Path, size: tuple[int, int], fps: int, frames: int,
+            codec: str | None) -> Callable[[IO[bytes]], FilmWriter]:
+    """Return the function that starts the writer for the path's suffix, given the open file."""
     kind = path.suffix.lower()
     if kind == '.gif':
-        return _Gif(part, fps)
+        return lambda file: _Gif(file, fps)
     if kind != '.mp4':
         raise InputError(f'--output {path}: the formats of an animation are {FORMATS}')
     if codec in (None, 'av1') and has_av1():
-        return _Av1(part, fps, frames)
+        return lambda file: _Av1(file, fps, frames)
     ffmpeg = which('ffmpeg')
     if codec != 'av1' and ffmpeg is not None:
-        return _Ffmpeg(part, size, fps, ffmpeg)
+        return lambda file: _Ffmpeg(file, size, fps, ffmpeg)
     needs = {'av1': "--codec av1 needs Pillow 11.3: pip install 'dragon_ros[film]'",
              'h264': '--codec h264 needs ffmpeg: install it (apt install ffmpeg), or omit --codec'}
     raise MissingError(f'--output {path}: ' + needs.get(str(codec), "MP4 needs Pillow 11.3 or ffmpeg: pip install "
@@ -103,8 +102,8 @@ def has_av1() -> bool:
 class _Gif:
     """A writer of GIFs with few colours and without dithering, which reduces the size to a sixth."""
 
-    def __init__(self, path: Path, fps: int) -> None:
-        self._path, self._fps, self._frames = path, fps, list[Any]()
+    def __init__(self, file: IO[bytes], fps: int) -> None:
+        self._file, self._fps, self._frames = file, fps, list[Any]()
 
     @staticmethod
     def prepare(picture: Array) -> Any:
@@ -117,7 +116,7 @@ class _Gif:
     def finish(self) -> None:
         """Write the file; the last frame remains visible for a while before the animation restarts."""
         each_ms = [round(1000 / self._fps)] * (len(self._frames) - 1)
-        self._frames[0].save(self._path, 'GIF', save_all=True, append_images=self._frames[1:],
+        self._frames[0].save(self._file, 'GIF', save_all=True, append_images=self._frames[1:],
                              duration=[*each_ms, _HOLD_MS], loop=0)
 
     def stop(self) -> None:
@@ -168,8 +167,8 @@ class _Later:
 class _Av1:
     """A writer of MP4 files with AV1, which Pillow encodes in a thread while it releases the interpreter lock."""
 
-    def __init__(self, path: Path, fps: int, frames: int) -> None:
-        self._path, self._frames = path, frames
+    def __init__(self, file: IO[bytes], fps: int, frames: int) -> None:
+        self._file, self._frames = file, frames
         ends = np.round(np.arange(frames + 1) * 1000 / fps).astype(int)     # Pillow counts whole milliseconds
         self._each_ms = np.diff(ends).tolist()
         self._queue: Queue[Any] = Queue(_AHEAD)
@@ -213,7 +212,7 @@ class _Av1:
         self._thread.join()
         if self._error:
             raise self._error[0]
-        self._path.write_bytes(mp4_of(self._data.getvalue()))
+        self._file.write(mp4_of(self._data.getvalue()))
 
     def stop(self) -> None:
         """Let the encoder finish the frames that it has already received."""
@@ -260,10 +259,10 @@ def _boxes(data: bytes, start: int, end: int) -> Iterator[tuple[bytes, int, int]
 class _Ffmpeg:
     """A writer of MP4 files with H.264; an ffmpeg on the PATH encodes the frames, which it receives through a pipe."""
 
-    def __init__(self, path: Path, size: tuple[int, int], fps: int, program: str) -> None:
+    def __init__(self, file: IO[bytes], size: tuple[int, int], fps: int, program: str) -> None:
         raw = ['-f', 'rawvideo', '-pix_fmt', 'rgba', '-s', f'{size[0]}x{size[1]}', '-r', str(fps), '-i', '-']
         command = [program, '-y', '-loglevel', 'error', *raw, '-c:v', 'h264', '-pix_fmt', 'yuv420p',
-                   '-movflags', '+faststart', str(path)]
+                   '-movflags', '+faststart', '-f', 'mp4', file.name]
         self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
 
     @staticmethod
