@@ -46,6 +46,7 @@ class Parser(argparse.ArgumentParser):
         super().__init__(**options)
         self.register('type', float, _finite)
         self.register('type', int, _whole)
+        self.register('type', Path, _path)
 
     def parse_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:
         """Parse the arguments; if the shell requests completions, print them and exit."""
@@ -101,6 +102,12 @@ def _whole(text: str) -> int:
     if abs(value) >= 2**63:
         raise argparse.ArgumentTypeError(f'{shown(text)} is too large')
     return value
+
+
+def _path(text: str) -> Path:
+    if not text:
+        raise argparse.ArgumentTypeError('the path is empty; write the name of a file or folder')
+    return Path(text)       # an empty one would be the working folder
 
 
 def _assignment(text: str) -> str:

@@ -31,6 +31,8 @@ def number(field: str, value: Any, *, low: float | None = None, above: float | N
 
 def whole(field: str, value: Any, *, low: int, high: int) -> int:
     """Return the value if it is an integer within the limits, else raise FieldError."""
+    if isinstance(value, float) and number(field, value) % 1 == 0:
+        raise FieldError(field, value, 'it has a decimal point or exponent', f'write {value:.0f}')
     if isinstance(value, bool) or not isinstance(value, (int, Integral)):
         raise FieldError(field, value, f'it is {_kind(value)}, not a whole number',
                          _unquoted(value) or 'give a whole number')

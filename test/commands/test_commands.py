@@ -123,6 +123,8 @@ def test_output_goes_to_a_file_on_request(capsys, tmp_path, form):
     (['table', '--format', 'xlsx'], 'give --output'),
     (['table', '--format', 'csv', '--output', 'x.json'], 'csv conflicts'),
     (['contact', '--output', 'x.xlsx'], 'the formats are text, csv, json'),
+    (['contact', '--output', ''], 'argument --output: the path is empty'),
+    (['inspect', ''], 'argument BAG: the path is empty'),
     (['contact', '--set', 'dragon.benches', '5'], 'write --set dragon.benches=VALUE, without a space'),
     (['contact', '--set', 'dragon.benches="40"'], 'write 40 without quotes'),
     (['contact', '--scene', 'turning', '--set', 'track.diameter_m=4'], 'give more than 5.75238 m with track.ratio 1'),
