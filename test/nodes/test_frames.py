@@ -8,7 +8,7 @@ import pytest
 
 from dragon_ros.core import model
 from dragon_ros.core.chain.commanded import Commanded
-from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.first_contact import first_contact
@@ -56,17 +56,23 @@ def nothing_built(monkeypatch):
 STREET = Scene(Dragon(40), Composite((Line(90.0), *(Arc(2.0, (-1) ** k * 40.0) for k in range(100)), Line(30.0)),
                                      start_m=230.0), run=Run(0, 5))
 
+# A mixed dragon whose rear block is still on such a street when the head is far beyond it.
+MIXED = Scene(Mixed((Group(2.2, 9), Group(1.9, 20))),
+              Composite((Line(68.0), *(Arc(2.0, (-1) ** k * 20.0) for k in range(100)), Line(50.0)), start_m=158.0),
+              run=Run(0, 20))
+
 
 @pytest.mark.parametrize('name', ['winding', 'turning', 'wiggle', 'mixed-by-the-tail', 'spirals', 'unwinding', 'tight',
-                                  'street'])
+                                  'street', 'mixed'])
 def test_no_frame_of_a_run_waits_for_a_table_once_all_are_built(name, nothing_built):
-    scene = ({case.name: case.scene for case in dances()} | {'street': STREET}).get(name) or load_scene(name)
+    named = {case.name: case.scene for case in dances()} | {'street': STREET, 'mixed': MIXED}
+    scene = named.get(name) or load_scene(name)
     frames = Frames(scene)
     frames.prepare()
     frames.tables.join()
     before = built(scene)
     assert any(before)
-    assert len({tile.group for tile in tiles(scene)}) > 1 or name != 'street'
+    assert len({tile.group for tile in tiles(scene)}) > 1 or name not in ('street', 'mixed')
     for k in np.linspace(0, frames.count - 1, 500).astype(int).tolist():
         frames.k = k
         frames.take()

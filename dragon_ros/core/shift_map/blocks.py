@@ -245,12 +245,18 @@ class Placement:
     def build_near(self, leader: Place) -> None:
         """Build the tables for all leaders on the stretch of a leader. Raises the same errors as ``place``.
 
-        On tracks with many joints, blocks that do not immediately follow the leader may need further tables.
+        If no leader map covers the chain, the tables of the other blocks are also built, each for the stretch on which
+        the first handle of the block is.
         """
-        self.place(leader)
+        chain = self.place(leader)
         link_m, shift = (self._lead[0], self._lead[2]) if self._lead else (0.0, self.blocks[0][1])
         if shift:
             shift.build_all(leader, link_m)
+        if not isinstance(chain.parts[0], MappedLinks):
+            segment, u, lo = (values[::-self.direction] for values in chain.places)
+            for block, own in self.blocks[2 if self._lead else 1:]:
+                if own:
+                    own.build_all(Place.of(segment[block.start], u[block.start], lo[block.start]))
 
     @cached_property
     def _is_one_block(self) -> bool:
