@@ -85,6 +85,22 @@ def test_ticks_that_are_compared_together_give_the_result_of_single_ones(tmp_pat
     assert together.fault_count == sum(wanted.get(fault, 0) for fault in faults) + 3 * (26 - len(faults))
 
 
+def test_ticks_are_compared_together_in_groups_of_a_mebibyte_and_at_most_one_tick_more(tmp_path, write_bag):
+    """A bag with wall-clock log times is a single part, so only the groups bound the memory of its comparison."""
+    sizes, compare_ticks = [], compare._compare_ticks
+
+    def measured(result, scene, encode, compared):
+        sizes.append([sum(len(data) for found in recorded.values() for data in found) for _, _, recorded in compared])
+        compare_ticks(result, scene, encode, compared)
+    with patch.object(compare, '_compare_ticks', measured), BagReader(write_bag(tmp_path / 'a.mcap')) as bag:
+        assert compare_with_model(bag, SCENE).equal == 3 * 26
+    *groups, rest = sizes
+    assert groups
+    for group in groups:
+        assert sum(group[:-1]) < 2**20 <= sum(group)
+    assert sum(rest) < 2**20
+
+
 EVERYTHING = Scene(run=Run(412.4, 412.6), effects=~Effect.CLOCK)
 
 
