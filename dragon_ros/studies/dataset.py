@@ -21,11 +21,12 @@ from dragon_ros.core.errors import DiskError, InputError, MissingError
 from dragon_ros.core.words import counted
 from dragon_ros.scenes.provenance import versions
 from dragon_ros.scenes.yaml import read_document
-from dragon_ros.studies.rows import Row, columns_of
+from dragon_ros.studies.rows import Row, columns_of, parsed
 from dragon_ros.studies.study import Study, as_text, study_of
 
 STUDY_FILE, ROWS, LOCK = 'study.yaml', 'rows', '.lock'
 BLOCK = 16_384      # number of rows in a joined part
+_STUDY = b'dragon_ros.study'     # the key of the metadata that contain the study
 _PART = re.compile(r'part-(\d{10})-(\d{10})\.parquet')
 _TYPES: dict[type, Any] = {int: pa.int64(), float: pa.float64(), bool: pa.bool_(), str: pa.string()}
 
@@ -42,7 +43,7 @@ def schema_of(study: Study) -> pa.Schema:
     """Return the schema of a study's Parquet files; its metadata contain the study."""
     columns = [(name, pa.list_(_TYPES[one.type]) if one.is_list else _TYPES[one.type])
                for name, one in columns_of(study).items()]
-    return pa.schema(columns, metadata={'dragon_ros.study': study.text})
+    return pa.schema(columns, metadata={_STUDY: study.text.encode()})
 
 
 def part_of(study: Study, rows: list[Row]) -> bytes:
@@ -100,7 +101,7 @@ class DataSet:
         """Return all rows in order. Raises InputError if a part cannot be read or belongs to another study."""
         schema = schema_of(self.study)
         if columns is not None:
-            schema = pa.schema([schema.field(name) for name in columns])
+            schema = pa.schema([schema.field(name) for name in columns], metadata=schema.metadata)
         tables = [_read(part, schema) for part in self.parts if part.start < self.study.rows]
         table = pa.concat_tables(tables) if tables else schema.empty_table()
         return table.slice(0, self.study.rows) if len(table) > self.study.rows else table
@@ -149,6 +150,13 @@ class DataSet:
         except OSError as error:
             raise DiskError(f'{self.folder / ROWS}: cannot be cleaned up: {error.strerror}') from None
 
+    def check(self) -> None:
+        """Reject a part that cannot be read or belongs to another study. Raises InputError."""
+        schema = schema_of(self.study)
+        for part in self.parts:
+            with _named(part):
+                _check_study(part, pq.read_schema(part.path), schema)
+
     def join_blocks(self) -> None:
         """Join the parts of complete blocks that an earlier run did not join."""
         for block in range(0, self.study.rows, BLOCK):
@@ -156,16 +164,32 @@ class DataSet:
 
 
 def _read(part: RowFile, schema: pa.Schema) -> pa.Table:
-    try:
+    with _named(part):
         table = pq.read_table(part.path, columns=schema.names)
+        _check_study(part, table.schema, schema)
         if len(table) != part.stop - part.start:
             raise InputError(f'{part.path}: it has {counted(len(table), "row")} instead of {part.stop - part.start}; '
                              'remove it and start the study again')
         return table.cast(schema)
+
+
+@contextmanager
+def _named(part: RowFile) -> Iterator[None]:
+    """Convert an error of reading a part into an InputError that names the part."""
+    try:
+        yield
     except (OSError, pa.ArrowException, ValueError) as error:
         why = ' '.join(str(error).split())[:200]
         raise InputError(f'{part.path}: cannot be read as rows of this study ({why}); remove it and start the study '
                          'again to recompute its rows') from None
+
+
+def _check_study(part: RowFile, found: pa.Schema, schema: pa.Schema) -> None:
+    """Raise InputError if the metadata of a part describe another study; the number of samples may differ."""
+    said, wanted = ((one.metadata or {}).get(_STUDY, b'').decode() for one in (found, schema))
+    if said != wanted and (not said or parsed(said).identity != parsed(wanted).identity):
+        raise InputError(f'{part.path}: it contains rows of another study; remove it and start the study again to '
+                         'compute its rows')
 
 
 def open_set(folder: Path) -> DataSet:
@@ -191,6 +215,7 @@ def writing(folder: Path, study: Study) -> Iterator[DataSet]:
         _check_same(folder, study)
         _write_study(folder, study)
         kept = DataSet(folder, study)
+        kept.check()
         kept.tidy()
         yield kept
 
@@ -207,6 +232,9 @@ def _check_same(folder: Path, study: Study) -> None:
     """Reject a folder with rows of another study or version; a folder with fewer samples is accepted."""
     path = folder / STUDY_FILE
     if not path.exists():
+        if DataSet(folder, study).count:
+            raise InputError(f'{folder}: it contains rows, but no {STUDY_FILE} that describes them; give another '
+                             '--output')
         return
     document = read_document(path)
     before = study_of(document, None)

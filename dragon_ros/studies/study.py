@@ -180,6 +180,10 @@ class Study:
                              'give steps, or choose another design')
         if isinstance(value, str) and not isinstance(variation, Listed) and key != 'accuracy':
             raise FieldError(at, variation.as_value, f'its value is a word, {value}', 'list the words')
+        if type(value) is int and isinstance(variation, Listed):
+            for one in variation.values:
+                if isinstance(one, float) and not one.is_integer():
+                    raise FieldError(at, one, f'its value is a whole number, {value}', 'list whole numbers')
         if variation.is_per_bench and not (key.startswith('dragon.groups.') and key.endswith('.length_m')):
             raise FieldError(at, variation.as_value, 'only a group of mixed benches has a value for each bench',
                              'use dragon.groups.N.length_m in a scene with dragon.kind: mixed')

@@ -4,6 +4,7 @@ import subprocess
 import sys
 from importlib.util import find_spec
 
+import numpy as np
 import pytest
 
 from dragon_ros.__main__ import main
@@ -73,6 +74,42 @@ def test_each_design_has_its_picture(computed, capsys, request, text, rows, said
     before = {name: (folder / name).read_bytes() for name in drawn(folder)}
     assert main(['study', 'data', '--plot']) == 0
     assert {name: (folder / name).read_bytes() for name in drawn(folder)} == before
+
+
+def test_lists_in_any_order_give_the_picture_of_sorted_lists(computed):
+    from dragon_ros.commands.plot.study import pictures
+    from dragon_ros.studies.dataset import open_set
+    text = 'set: {dragon: {benches: 3}}\nvary: {track.pitch_m: PITCHES, dragon.hole_inset_m: INSETS}\nask: [lock]'
+    maps, curves = [], []
+    for name, pitches, insets in (('sorted', '[0.5, 0.55, 0.6]', '[0.2, 0.25]'),
+                                  ('not', '[0.6, 0.5, 0.55, 0.5]', '[0.25, 0.2]')):
+        for drawn_as, list_of in ((maps, insets), (curves, '[0.2]')):
+            folder = computed(text.replace('PITCHES', pitches).replace('INSETS', list_of))
+            ((_, figure),) = pictures(open_set(folder))
+            drawn_as.append(figure.axes[0])
+            folder.rename(folder.with_name(f'{name} {list_of}'))
+    one, other = (axes.collections[0] for axes in maps)
+    assert np.array_equal(one.get_coordinates(), other.get_coordinates())
+    assert np.array_equal(one.get_array(), other.get_array())
+    assert np.ptp(one.get_array()) > 1
+    one, other = (np.unique(axes.lines[0].get_xydata(), axis=0) for axes in curves)
+    assert np.array_equal(one, other)
+    assert np.all(np.diff(curves[1].lines[0].get_xdata()) >= 0)
+
+
+def test_a_map_shows_the_first_values_of_other_keys_that_have_answers_and_names_them(computed):
+    from dragon_ros.commands.plot.study import pictures
+    from dragon_ros.studies.dataset import open_set
+    folder = computed('set: {dragon: {benches: 24}, run: {start_s: 411}}\n'
+                      'vary: {dragon.width_m: [0.29, 0.3], accuracy: [exact, fine], run.stop_s: [412, 413]}\n'
+                      'ask: [contact]')
+    ((name, figure),) = pictures(open_set(folder))
+    assert name == 'contact_t_s'
+    above, below = figure.axes[:2]
+    assert above.get_title(loc='left').endswith('8 rows\nrun.stop_s = 413')
+    assert [one.get_text() for one in above.get_yticklabels()] == ['exact', 'fine']
+    assert np.all(np.isfinite(above.collections[0].get_array()))
+    assert below.get_title(loc='left') == 'which benches touch first'
 
 
 def test_rows_that_are_refused_are_counted_with_their_reason_and_left_out_of_pictures(computed, capsys):

@@ -101,6 +101,32 @@ def test_rows_of_another_study_or_version_are_never_mixed(study, tmp_path, monke
         pass
 
 
+def test_a_part_of_another_study_is_rejected_before_anything_is_computed(study, fill, tmp_path):
+    with writing(tmp_path, study()) as data:
+        fill(data, (0, 3))
+    other = study(QUICK + 'seed: 6\n')
+    path = next((tmp_path / 'rows').iterdir())
+    path.write_bytes(part_of(other, rows_of(other, range(3))))
+    with pytest.raises(InputError, match=f'{path.name}: it contains rows of another study; remove it'), \
+            writing(tmp_path, study()):
+        pass
+    for columns in (None, ['status']):
+        with pytest.raises(InputError, match='rows of another study'):
+            open_set(tmp_path).table(columns)
+    path.write_bytes(b'PAR1')
+    with pytest.raises(InputError, match=f'{path.name}: cannot be read as rows'), writing(tmp_path, study()):
+        pass
+
+
+def test_rows_without_their_study_are_not_taken_for_rows_of_this_one(study, fill, tmp_path):
+    with writing(tmp_path, study()) as data:
+        fill(data, (0, 3))
+    (tmp_path / 'study.yaml').unlink()
+    with pytest.raises(InputError, match=r'it contains rows, but no study.yaml that describes them'), \
+            writing(tmp_path, study()):
+        pass
+
+
 def test_two_processes_never_write_one_data_set(study, tmp_path):
     with writing(tmp_path, study()), pytest.raises(InputError, match='another process is writing'), \
             writing(tmp_path, study()):

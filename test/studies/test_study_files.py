@@ -61,6 +61,7 @@ def test_samples_can_be_changed_but_not_those_of_a_grid(study):
      'only a group of mixed benches'),
     ('vary: {track.pitch_m: {uniform: [1, 2], per: day}}\ndesign: random\nsamples: 1\nask: [lock]', 'write per: bench'),
     ('vary: {head.lead: {from: 1, to: 2, steps: 2}}\nask: [lock]', 'its value is a word'),
+    ('vary: {dragon.benches: [3, 3.5]}\nask: [lock]', r'f.yaml:1: vary.dragon.benches: 3.5 .* a whole number, 223'),
     ('vary: {track.pitch_m: [1]}\nask: [luck]', 'did you mean lock'),
     ('vary: {track.pitch_m: [1]}\nask: 3', 'is not a list'),
     ('vary: {track.pitch_m: [1]}\nask: {fit: {square: 3}}', 'did you mean square_m'),

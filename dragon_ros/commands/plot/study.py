@@ -16,7 +16,7 @@ from matplotlib.patheffects import withStroke
 
 from dragon_ros.cli.figures import BODY, HEAD, LINES, QUIET, TEXT_PT, legend_below, style
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.words import counted
 from dragon_ros.studies.answers import SAFE, main_answers, numbers
 from dragon_ros.studies.dataset import DataSet
@@ -79,7 +79,8 @@ def _curve(data: DataSet, table: pa.Table, key: str, name: str) -> Figure:
     figure = Figure(figsize=(8.4, 5))
     axes = figure.subplots()
     at, values = table.column(key).to_numpy(zero_copy_only=False), numbers(table, name)
-    axes.plot(at, values, 'o-', color=LINES[0], markersize=3)
+    order = np.argsort(at, kind='stable') if at.dtype.kind in 'if' else np.arange(at.size)
+    axes.plot(at[order], values[order], 'o-', color=LINES[0], markersize=3)
     axes.set(xlabel=_label(key), ylabel=_label(name))
     axes.set_title(f'{data.folder.name}: {_label(name)}, {_rows_text(data, len(table))}')
     _note_missing(axes, values)
@@ -96,13 +97,14 @@ def _note_missing(axes: Axes, values: Floats) -> None:
 def _map(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -> Figure:
     """Return a figure of an answer over two keys, with contours and, if known, the pair that touches first.
 
-    If more than two keys vary, the figure shows the answer at the first value of each other key.
+    If more than two keys vary, the title states the values of the other keys, which are the first that have answers.
     """
-    grid = _on_grid(data, table, keys, name)
+    held = _held(data, table, keys, name)
+    grid = _on_grid(data, table, held, name)
     pairs = _PAIRS.get(name)
     figure = Figure(figsize=(7.4, 10.4 if pairs else 5.4))
     panels = figure.subplots(2 if pairs else 1, 1, squeeze=False)[:, 0]
-    x, y = (_levels(data, key) for key in keys)
+    x, y = (_levels(data, key)[0] for key in keys)
     shown = panels[0].pcolormesh(x, y, grid.T, shading='nearest', cmap='viridis')
     if min(grid.shape) > 1 and np.nanmax(grid) > np.nanmin(grid):
         lines = panels[0].contour(x, y, grid.T, levels=_CONTOURS, colors='white', linewidths=0.8)
@@ -110,29 +112,59 @@ def _map(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -> Fi
         for label in panels[0].clabel(lines, fontsize=TEXT_PT):
             label.set_path_effects([withStroke(linewidth=2, foreground=_EDGE)])
     figure.colorbar(shown, ax=panels[0], label=_label(name))
-    panels[0].set_title(f'{data.folder.name}: {_label(name)}, {_rows_text(data, len(table))}')
+    panels[0].set_title('\n'.join((f'{data.folder.name}: {_label(name)}, {_rows_text(data, len(table))}',
+                                   *_held_text(data, held))))
     if pairs:
-        inner, outer = (_on_grid(data, table, keys, one) for one in pairs)
+        inner, outer = (_on_grid(data, table, held, one) for one in pairs)
         _pairs_panel(figure, panels[1], (x, y), inner, outer)
     for axes in panels:
         axes.grid(False)
         axes.set(xlabel=_label(keys[0]), ylabel=_label(keys[1]))
+        for axis, key in ((axes.xaxis, keys[0]), (axes.yaxis, keys[1])):
+            words = levels_of(dict(data.study.vary)[key])
+            if isinstance(words[0], str):
+                axis.set_ticks(range(len(words)), labels=words)
     return figure
 
 
-def _levels(data: DataSet, key: str) -> list[float]:
-    variation = dict(data.study.vary)[key]
-    return [float(n) if isinstance(one, str) else one for n, one in enumerate(levels_of(variation))]
+def _levels(data: DataSet, key: str) -> tuple[list[float], Ints]:
+    """Return the different values of a key in increasing order, and their places in the grid.
+
+    Words keep their order, and are drawn at 0, 1, ...
+    """
+    levels = levels_of(dict(data.study.vary)[key])
+    values, places = np.unique(range(len(levels)) if isinstance(levels[0], str) else levels, return_index=True)
+    return [float(value) for value in values], places
 
 
-def _on_grid(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -> Floats:
-    """Return a column as a function of two keys, at the first values of all other keys; missing rows are nan."""
-    sizes = [len(levels_of(variation)) for _, variation in data.study.vary]
+def _sizes(data: DataSet) -> list[int]:
+    return [len(levels_of(variation)) for _, variation in data.study.vary]
+
+
+def _held(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -> dict[str, int]:
+    """Return the place in the grid of each key except two: that of the first values with an answer."""
+    answered = table.column('index').to_numpy()[~np.isnan(numbers(table, name))]
+    other = {key: at for (key, _), at in zip(data.study.vary, np.unravel_index(answered, _sizes(data)), strict=True)
+             if key not in keys}
+    first = np.lexsort([*reversed(other.values())])[0] if other else 0
+    return {key: int(at[first]) for key, at in other.items()}
+
+
+def _held_text(data: DataSet, held: dict[str, int]) -> list[str]:
+    """Return the values of the keys that a map does not show, as at most one line of text."""
+    vary = dict(data.study.vary)
+    values = [f'{key} = {levels_of(vary[key])[at]}' for key, at in held.items()
+              if len(levels_of(vary[key])) > 1]
+    return [', '.join(values)] if values else []
+
+
+def _on_grid(data: DataSet, table: pa.Table, held: dict[str, int], name: str) -> Floats:
+    """Return a column as a function of the two keys that are not held; missing rows are nan."""
+    sizes = _sizes(data)
     whole = np.full(int(np.prod(sizes)), np.nan)
     whole[table.column('index').to_numpy()] = numbers(table, name)
-    names = [key for key, _ in data.study.vary]
-    first = tuple(slice(None) if key in keys else 0 for key in names)
-    out: Floats = whole.reshape(sizes)[first]
+    x, y = (_levels(data, key)[1] for key, _ in data.study.vary if key not in held)
+    out: Floats = whole.reshape(sizes)[tuple(held.get(key, slice(None)) for key, _ in data.study.vary)][np.ix_(x, y)]
     return out
 
 
