@@ -106,7 +106,10 @@ class LaunchPlan:
 
 @dataclass(frozen=True)
 class _ObservedNode:
-    """A sim or replay, the frame of its messages, and whether a monitor can observe it (None if unknown)."""
+    """A sim or replay, the frame of its messages, and whether a monitor can observe it.
+
+    ``seen`` is None if this is unknown; the run then does not wait for its readers.
+    """
 
     start: LaunchedNode
     frame_id: str
@@ -124,7 +127,7 @@ def plan(given: Mapping[str, str]) -> LaunchPlan:
         notes.append('no monitor is started, because no benches are published: '
                      + ('the bag has none' if given['replay'] else "add benches to the scene's effects"))
     readers = [_monitor(given)] if watching else []
-    readers += [LaunchedNode('record', ['--output', given['record']])] if given['record'] else []
+    readers += [_recorder(given, wait=watching and source.seen is True)] if given['record'] else []
     started = [*readers, source.start]
     _refuse_idle(given, [one.executable for one in started], notes)
     finish = [_common(given, one) for one in started]
@@ -136,6 +139,11 @@ def _monitor(given: Mapping[str, str]) -> LaunchedNode:
         'clearance_vector': _on(given, 'clearance_vector'), 'warn_below_m': _number(given, 'warn_below'),
         'map_occupied': _whole(given, 'map_occupied'),
         **{name: given[name] for name in ('venue', 'map', 'map_unknown', 'venue_pose')}})
+
+
+def _recorder(given: Mapping[str, str], wait: bool) -> LaunchedNode:
+    """Return the recorder; given ``wait``, it first waits for the monitor, and the run waits for both."""
+    return LaunchedNode('record', ['--output', given['record'], *(['--wait-monitor'] if wait else [])])
 
 
 def _is_given(given: Mapping[str, str], name: str) -> bool:

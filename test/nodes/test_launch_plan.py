@@ -41,13 +41,14 @@ def watched(tmp_path):
     return path
 
 
-def test_a_replayed_bag_moves_to_the_namespace_waits_for_the_monitor_and_leads_the_clock(launched, node, watched):
+def test_a_replayed_bag_moves_to_the_namespace_waits_for_the_monitor_and_leads_the_clock(
+        launched, node, watched, tmp_path):
     from rosgraph_msgs.msg import Clock
     from std_msgs.msg import Float64
     times, gaps = [], []
     node.create_subscription(Clock, '/clock', lambda m: times.append(m.clock.sec * 10**9 + m.clock.nanosec), 100)
     node.create_subscription(Float64, '/red/clearance', lambda m: gaps.append(m.data), 100)
-    what = planned(replay=str(watched), namespace='red', use_sim_time='true', record='again.mcap')
+    what = planned(replay=str(watched), namespace='red', use_sim_time='true', record='again.mcap', discovery_s='0')
     assert (what.frame_id, what.namespace) == ('sea', '/red')
     ran = launched(what)
     node.until(lambda: node.count_publishers('/red/handles') == node.count_publishers('/red/clearance') == 1)
@@ -60,6 +61,8 @@ def test_a_replayed_bag_moves_to_the_namespace_waits_for_the_monitor_and_leads_t
     assert 'saw 26 ticks' in ran['monitor'].text
     assert set(times) <= {SCENE.run.time_ns(k) for k in range(26)}
     assert -1.0 not in gaps         # the bag contains -1.0, but only the live monitor publishes
+    with BagReader(tmp_path / 'again.mcap') as again:
+        assert {topic.name: topic.messages for topic in again.topics}['/red/clearance/stamped'] == 26
 
 
 def test_without_a_monitor_its_topics_are_replayed(watched):
@@ -75,6 +78,13 @@ def test_what_launch_starts_waits_for_the_readers_it_starts():
     assert source.parameters['discovery_s'] > 0             # so that the recorder and other nodes discover the monitor
     alone = planned().source
     assert alone.parameters['wait_subscribers'] == ['handles=1', 'benches=1', 'velocities=0']
+
+
+def test_a_launched_recorder_waits_for_the_monitor_if_one_is_started_and_the_run_waits_for_both(watched, tmp_path):
+    (tmp_path / 'file.yaml').write_text('{}')
+    assert [planned(record='run.mcap', **given).recorder.arguments[2:] for given in (
+        {}, {'replay': str(watched)}, {'monitor': 'false'}, {'scene': 'minimal'}, {'scene': 'windin'},
+        {'params_file': str(tmp_path / 'file.yaml')})] == [['--wait-monitor'], ['--wait-monitor'], [], [], [], []]
 
 
 def test_what_cannot_be_read_is_left_to_the_node_that_says_why():
