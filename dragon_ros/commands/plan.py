@@ -57,13 +57,12 @@ def run(arguments: Namespace) -> int:
     plan = Plan(scene, figures.drawable(arguments.title or Path(arguments.scene).stem), lang)
     if kind == 'geojson':
         command_line.write_output(path, geojson(plan))
-        print(f'{path}: {plan.say("metres" if plan.origin_deg is None else "degrees")}')
+        lines = [f'{path}: {plan.say("metres" if plan.origin_deg is None else "degrees")}']
     else:
         with figures.style(chinese=lang == 'zh'):
             _write_pages(path, *_pages(plan, *_sheet(arguments, plan)))
-        print(path)
-    for gap in plan.gaps:
-        print(plan.exact_gap(gap))
+        lines = [str(path)]
+    command_line.write_output(None, '\n'.join([*lines, *map(plan.exact_gap, plan.gaps)]))
     return command_line.OK
 
 

@@ -45,14 +45,14 @@ def run(arguments: Namespace) -> int:
     """Make a scene from a drawing; return the exit code."""
     command_line.check_keeps('--output', arguments.output, arguments.drawing)
     laid = _laid(arguments, _without_venue(arguments), _line(arguments))
-    print(_text(laid, arguments.tolerance))
+    command_line.write_output(None, _text(laid, arguments.tolerance))
     if arguments.output is not None:
         from dragon_ros.scenes.provenance import differing_scene_file
         about = {'drawing': str(arguments.drawing or arguments.topic), 'path': laid.line.name,
                  **{key: value for key in ('scale', 'unit', 'tolerance', 'reverse', 'frame_pose')
                     if (value := getattr(arguments, key))}, 'radius': laid.radius_m}
         command_line.write_output(arguments.output, differing_scene_file(laid.scene, about).rstrip('\n'))
-        print(f'written: {arguments.output}')
+        command_line.write_output(None, f'written: {arguments.output}')
     return command_line.OK
 
 

@@ -61,12 +61,12 @@ def _run(arguments: Namespace) -> int:
     elif arguments.workers is not None or arguments.scheduler is not None:
         raise InputError('--plot: with a FOLDER, no rows are computed; omit --workers and --scheduler', field='plot')
     found = answers.summary(data)
-    print(json.dumps(found) if arguments.format == 'json' else answers.text(found))
+    command_line.write_output(None, json.dumps(found) if arguments.format == 'json' else answers.text(found))
     if arguments.plot:
         from dragon_ros.commands.plot.study import pictures
         for name, figure in pictures(data):
             for path in figures.save(figure, folder / name, f'study {figures.short(folder.name)}'):
-                print(path)
+                command_line.write_output(None, str(path))
     return code
 
 

@@ -72,7 +72,7 @@ def _write_contest(folder: Path, scene: Scene, lang: str) -> int:
     from dragon_ros.scenes.load import load_scene
     with Progress('contest', 'steps', 11) as bar:
         paths = result_files.write(folder, scene, load_scene('turning'), bar.update)
-    print('\n'.join(map(str, paths)))
+    command_line.write_output(None, '\n'.join(map(str, paths)))
     if not any(path.suffix == '.xlsx' for path in paths):
         print(say(WORDS, 'no_xlsx', lang), file=sys.stderr)
     return command_line.OK

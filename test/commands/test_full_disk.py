@@ -53,3 +53,18 @@ def test_a_full_disk_behind_standard_output_is_said_in_one_line(unbuffered):
                               stdout=full, stderr=subprocess.PIPE, text=True, check=False,
                               env={**os.environ, 'PYTHONUNBUFFERED': unbuffered})
     assert (done.returncode, done.stderr) == (2, 'table: standard output cannot be written: No space left on device\n')
+
+
+@pytest.mark.skipif(not Path('/dev/full').exists(), reason='the system has no /dev/full')
+@pytest.mark.parametrize(('arguments', 'says'), [
+    ('route OUT.csv', 'route'), ('grade --t 412 --output OUT.html', 'grade'),
+    (f'plan {SHORT} --output OUT.geojson', 'plan'), (f'plot dragon {SHORT} --times 0 --output OUT.png', 'plot'),
+    pytest.param('table --contest OUT', 'table', marks=pytest.mark.long)])
+def test_no_command_ends_in_a_traceback_if_its_summary_cannot_be_written(capsys, monkeypatch, tmp_path, arguments,
+                                                                         says):
+    (tmp_path / 'out.csv').write_text('0,0\n9,0\n')
+    with open('/dev/full', 'w') as full:
+        monkeypatch.setattr('sys.stdout', full)
+        code = main(arguments.replace('OUT', str(tmp_path / 'out')).split())
+    err = capsys.readouterr().err
+    assert (code, err) == (2, f'{says}: standard output cannot be written: No space left on device\n')

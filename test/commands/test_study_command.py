@@ -3,6 +3,7 @@ import json
 import subprocess
 import sys
 from importlib.util import find_spec
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -110,6 +111,15 @@ def test_a_map_shows_the_first_values_of_other_keys_that_have_answers_and_names_
     assert [one.get_text() for one in above.get_yticklabels()] == ['exact', 'fine']
     assert np.all(np.isfinite(above.collections[0].get_array()))
     assert below.get_title(loc='left') == 'which benches touch first'
+
+
+@pytest.mark.skipif(not Path('/dev/full').exists(), reason='the system has no /dev/full')
+def test_a_summary_that_cannot_be_written_is_one_line(computed, monkeypatch, capsys):
+    computed(CURVE)
+    with open('/dev/full', 'w') as full:
+        monkeypatch.setattr('sys.stdout', full)
+        assert main(['study', 'data', '--plot']) == 2
+    assert capsys.readouterr().err == 'study: standard output cannot be written: No space left on device\n'
 
 
 def test_rows_that_are_refused_are_counted_with_their_reason_and_left_out_of_pictures(computed, capsys):

@@ -51,7 +51,7 @@ def _run(arguments: Namespace) -> int:
         print(f'grade: interrupted: {len(grades)} of {counted(len(teams), "team", "was")} graded', file=sys.stderr)
         return command_line.FAILED
     if arguments.output is not None:
-        print(arguments.output)
+        command_line.write_output(None, str(arguments.output))
     refused = [line for grade in grades for line in grade.problems]
     if refused and not any(grade.sheets or grade.answers for grade in grades):
         print(f'grade: {refused[0]}', file=sys.stderr)

@@ -88,7 +88,7 @@ def _run(arguments: Namespace) -> int:
     pool = Pool(arguments.workers)
     with opened(arguments, pool) as source, figures.style():
         for path in _draw(arguments, source, paths, pool):
-            print(path)
+            command_line.write_output(None, str(path))
     return command_line.OK
 
 

@@ -67,7 +67,7 @@ def _serve(name: str, shown: 'ViewData | Variants', arguments: Namespace) -> int
             signal.signal(number, lambda *_: stop.set())
         serving = threading.Thread(target=server.serve_forever, args=(_LOOKS_S,))
         serving.start()
-        print(f'{name} is at {server.url} (Ctrl-C ends)', flush=True)
+        command_line.write_output(None, f'{name} is at {server.url} (Ctrl-C ends)')
         if not arguments.no_browser and _has_screen():
             webbrowser.open(server.url)
         stop.wait()
