@@ -76,7 +76,7 @@ def test_lines_are_drawn_as_by_matplotlib_with_the_same_limits(tmp_path, path):
 KINDS = [
     ('dragon', '.png', ['--time', '412,412.5']), ('contact', '.svg', []), ('clearance', '.png', []),
     ('speeds', '.pdf', ['--time', '412.5']), ('animation', '.gif', ['--pace', '1', '--fps', '4', '--dpi', '40']),
-    ('animation', '.html', ['--pace', '1', '--fps', '4', '--dpi', '40'])]
+    ('animation', '.html', ['--pace', '1', '--fps', '4'])]
 
 
 @pytest.mark.parametrize(('source', 'kind', 'suffix', 'more'), thinned(
@@ -202,6 +202,10 @@ def test_a_bag_whose_benches_are_of_other_ticks_has_no_picture(capsys, tmp_path)
     (['animation', '--start', '-5'], 'from 0 to 432.9 s'),
     (['animation', '--output', 'no/such/folder/x.gif', '--start', '1', '--stop', '2', '--pace', '1'], 'no/such/folder'),
     (['dragon', '--dpi', '0'], '--dpi'),
+    (['animation', '--size', '640x360'], '--size: an animation in .gif does not accept it; omit it'),
+    (['animation', '--dpi', '99', '--output', 'x.mp4'], '--dpi: an animation in .mp4 does not accept it'),
+    (['animation', '--around', 'head', '--output', 'x.html'], '--around: an animation in .html does not accept it'),
+    (['animation', '--codec', 'av1', '--output', 'x.gif', '--output', 'x.html'], '--codec: an animation in .gif and'),
     (['drgon'], "'drgon'"),
     ([], 'KIND'),
 ])
@@ -302,6 +306,21 @@ def test_no_text_of_a_picture_is_small_cropped_or_on_another_and_no_legend_lies_
             seen = pictures.Picture(figure)
             assert (kind, seen.cropped(), seen.overlapping(), seen.hidden()) == (kind, [], [], [])
             assert kind == 'film' or (kind, seen.small()) == (kind, [])
+
+
+@pytest.mark.parametrize(('size', 'zoom'), thinned(
+    [(size, zoom) for size in ((1920, 1080), (320, 240), (480, 384), (480, 386), (1000, 1000), (800, 1000), (798, 1000),
+                               (720, 1280), (320, 1280)) for zoom in (None, Zoom('tail'))],
+    lambda case: case[1] and case[0] in ((480, 384), (800, 1000), (798, 1000))))
+def test_the_parts_of_a_film_fit_on_its_frames_of_any_proportions(scene, size, zoom):
+    source = SceneSource('short', replace(scene, run=Run(390, 400)))
+    with style():
+        drawn = AnimatedFigure(source, np.linspace(394, 396, 3), zoom, zoom is not None, size)
+        seen = pictures.Picture(drawn.figure)
+    assert (drawn.size, seen.cropped(), seen.overlapping()) == (size, [], [])
+    places = [shapely.box(*axes.get_position().extents) for axes in drawn.figure.axes]
+    assert not any(one.intersects(other) for n, one in enumerate(places) for other in places[:n])
+    assert all(shapely.box(0, 0, 1, 1).contains(place) for place in places)
 
 
 @pytest.mark.parametrize(('size', 'stop_s'), [((640, 360), 396), ((320, 240), 394.01), ((1920, 1080), 396)])

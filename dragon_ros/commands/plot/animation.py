@@ -1,4 +1,4 @@
-"""Animations of a run: GIFs, and MP4 films that show the clearance and the speeds beside the dragon."""
+"""Animations of a run: GIFs, and MP4 films that also show the clearance and the speeds."""
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, replace
@@ -16,6 +16,7 @@ from dragon_ros.cli.figures import HEAD, LINES, QUIET, thin_labels
 from dragon_ros.cli.pool import ALONE, Pool
 from dragon_ros.commands.plot.dragon import Overlaps, draw, overlaps, panel, sheet
 from dragon_ros.commands.plot.film import movie
+from dragon_ros.commands.plot.film_layout import FilmLayout, film_layout
 from dragon_ros.commands.plot.zoom import INSET_WIDTH, Inset, Zoom, contact_of
 from dragon_ros.commands.sources import (
     Moment,
@@ -36,9 +37,6 @@ MOST_FRAMES = 3000
 _INCHES = 4.6               # longer side of the axes, in inches
 _SAMPLES = 24               # number of moments that determine the window
 _HAIR_S = 1e-9
-_FILM_IN = 7.2             # height of a film in inches, for any size in pixels, so that text has the same relative size
-_FILM_INSET = (0.52, 0.66, 0.12, 0.21)
-_HAIR_PX = 0.1              # added to a size, so that the conversion to inches does not lose a pixel
 _CURVE = 400                # number of points on a film's clearance curve
 _GRID = 5                   # minimum number of ground lines across a moving window
 
@@ -86,7 +84,7 @@ class AnimatedFigure:
 
     Without a ``zoom``, the window contains the dragon at all times. With a zoom that follows the dragon, the window
     moves with the head or tail, and lines on the ground make this motion visible. A film also shows the clearance over
-    time and the speeds beside the dragon.
+    time and the speeds.
     """
 
     def __init__(self, source: Source, times_s: Floats, zoom: Zoom | None = None, follow: bool = False,
@@ -99,7 +97,8 @@ class AnimatedFigure:
         samples = source.moments(times_s[thinned(0, len(times_s) - 1, _SAMPLES)])
         self._whole = window(source.track, samples)
         self._seen = self._whole if zoom is None else zoom.window(first, self._point_m)
-        self.figure, axes, small = self._laid_out(film, dpi)
+        layout = film_layout(*film, zoom is not None) if film else None
+        self.figure, axes, small = self._laid_out(layout, dpi)
         self._reach = np.array((-0.5, 0.5))[:, None] * (self._seen[1] - self._seen[0])
         self.axes = axes
         self._dragon = draw(axes, self._seen, source.track, first, venue=source.venue)
@@ -107,7 +106,7 @@ class AnimatedFigure:
         self._lines = axes.plot([], [], color='#DDDDDD', linewidth=0.8, zorder=0.5) if follow else []
         self._inset = Inset(small, self._whole, source.track) if zoom is not None else None
         self._title = axes.set_title(' ', linespacing=1.3)
-        self._beside = _Beside(self.figure, source, times_s, progress) if film else None
+        self._curves = _Curves(self.figure, layout, source, times_s, progress) if layout else None
         self._moving = self._parts()
         self._canvas: Any = FigureCanvasAgg(self.figure)
         self._background: Any = None
@@ -122,18 +121,16 @@ class AnimatedFigure:
         """Restore the figure in another process."""
         vars(self).update(state, _canvas=FigureCanvasAgg(state['figure']), _background=None)
 
-    def _laid_out(self, film: tuple[int, int] | None, dpi: int) -> tuple[Figure, Any, Any]:
+    def _laid_out(self, film: FilmLayout | None, dpi: int) -> tuple[Figure, Any, Any]:
         """Return the figure, the axes of the dragon, and the axes of the inset."""
         if film:
-            size_in = (np.array(film) + _HAIR_PX) / film[1] * _FILM_IN
-            width_in, wide = float(size_in[0]), 0.57 if self._zoom is None else 0.45
-            figure, self._width_in = Figure(tuple(size_in.tolist()), film[1] / _FILM_IN), wide * width_in
+            figure = Figure(tuple(film.size_in.tolist()), film.dots_per_inch)
             figure.set_layout_engine('none')
-            axes = figure.add_axes((0.06, 0.11, wide, 0.76))
-            box = np.array((film[0] * wide, film[1] * 0.76))
-            half = 0.5 * box * float(np.max((self._seen[1] - self._seen[0]) / box))
+            box_in = film.size_in * film.dragon[2:]
+            self._width_in = float(box_in[0])
+            half = 0.5 * box_in * float(np.max((self._seen[1] - self._seen[0]) / box_in))
             self._seen = self._seen.mean(axis=0) + np.array((-half, half))
-            return figure, axes, figure.add_axes(_FILM_INSET) if self._zoom is not None else None
+            return figure, figure.add_axes(film.dragon), figure.add_axes(film.inset) if self._zoom is not None else None
         inches, self._seen = panel(self._seen, _INCHES)
         self._width_in = float(inches[0])
         widths = [1.0] if self._zoom is None else [1.0, INSET_WIDTH]
@@ -164,8 +161,8 @@ class AnimatedFigure:
             self.axes.grid(visible=False)
         if self._inset is not None:
             parts += self._inset.moving
-        if self._beside is not None:
-            parts += self._beside.moving
+        if self._curves is not None:
+            parts += self._curves.moving
         for part in parts:
             part.set_animated(True)
         return parts
@@ -207,8 +204,8 @@ class AnimatedFigure:
         if self._inset is not None:
             self._inset.show(one, self._seen)
         self._title.set_text(self._heading(one, clearance_m))
-        if self._beside is not None:
-            self._beside.show(one, clearance_m)
+        if self._curves is not None:
+            self._curves.show(one, clearance_m)
 
 
 def _ground_lines(seen: Floats) -> tuple[Floats, float]:
@@ -224,12 +221,12 @@ def _ground_lines(seen: Floats) -> tuple[Floats, float]:
     return np.concatenate(parts, axis=1) if parts else np.empty((2, 0)), step
 
 
-class _Beside:
-    """The clearance over time and the speeds along the chain, beside the dragon in a film."""
+class _Curves:
+    """The clearance over time and the speeds along the chain, beside or below the dragon in a film."""
 
-    def __init__(self, figure: Figure, source: Source, times_s: Floats, progress: Progress) -> None:
+    def __init__(self, figure: Figure, film: FilmLayout, source: Source, times_s: Floats, progress: Progress) -> None:
         """Draw the clearance over the whole film; a line and a point on the curve mark the moment."""
-        gap, speed = (figure.add_axes((0.70, bottom, 0.27, 0.30)) for bottom in (0.57, 0.11))
+        gap, speed = figure.add_axes(film.gap), figure.add_axes(film.speed)
         some = times_s[thinned(0, len(times_s) - 1, _CURVE)]
         at_s, gaps_m = clearances(source, some, progress)
         gap.plot(at_s, 1e3 * gaps_m, color=LINES[0], linewidth=1.6)

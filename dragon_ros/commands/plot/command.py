@@ -20,6 +20,9 @@ if TYPE_CHECKING:
     Drawing = tuple[Figure, str]        # a figure, and the caption's text about the run and its times
 
 _MOST_TIMES = 8         # largest number of times listed in a caption
+_DPI, _SIZE = 130, '1920x1080'
+_WINDOW = {'--around', '--span', '--follow'}
+_TAKES = {'.gif': {*_WINDOW, '--dpi'}, '.mp4': {*_WINDOW, '--size', '--codec'}, '.html': set[str]()}
 _KINDS = {      # description and example of each kind
     'dragon': ('the dragon at one time, or up to six side by side', '--times 60,240 --output dragon.png'),
     'contact': ('the first contact, with a close-up', '--bag run.mcap --output contact.svg'),
@@ -50,7 +53,7 @@ def options() -> argparse.ArgumentParser:
         one.add_argument('--output', type=Path, action='append', metavar='FILE',
                                   help=f'{formats}; repeatable ({default})')
         one.set_defaults(default=default)
-        one.add_argument('--dpi', type=int, default=130, help='dots per inch (%(default)s)')
+        one.add_argument('--dpi', type=int, help=f'dots per inch ({_DPI})')
         command_line.add_workers_option(one, 'animation' if kind == 'animation' else 'picture')
         if kind in ('dragon', 'speeds'):
             command_line.add_times_option(one, 'times in seconds (the start of the run)')
@@ -68,17 +71,19 @@ def _add_animation_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--fps', type=int, help='frames per second (20; 30 for .mp4)')
     parser.add_argument('--follow', action='store_true', help='move the window with the head, or with the tail '
                         'if --around is tail')
-    parser.add_argument('--size', default='1920x1080', metavar='WIDTHxHEIGHT', help='frame size of an .mp4 in pixels '
-                        '(%(default)s)')
+    parser.add_argument('--size', metavar='WIDTHxHEIGHT', help=f'frame size of an .mp4 in pixels ({_SIZE}); in a '
+                        'square or tall one, the curves are below the dragon')
     parser.add_argument('--codec', choices=('av1', 'h264'), help='codec of an .mp4: av1 (by Pillow) or h264 (by an '
                         'installed ffmpeg); by default, the first that is available')
 
 
 def _run(arguments: Namespace) -> int:
     paths: list[Path] = arguments.output or [arguments.default]
-    if not 10 <= arguments.dpi <= 1200:
-        raise FieldError('--dpi', arguments.dpi, 'it must lie between 10 and 1200', 'omit it for 130')
-    if arguments.kind != 'animation':
+    if arguments.dpi is not None and not 10 <= arguments.dpi <= 1200:
+        raise FieldError('--dpi', arguments.dpi, 'it must lie between 10 and 1200', f'omit it for {_DPI}')
+    if arguments.kind == 'animation':
+        _check_animation(arguments, paths)
+    else:
         for path in paths:
             if path.suffix.lower() not in figures.FORMATS:
                 raise InputError(f'--output {path}: it is not a picture; the suffix must be one of '
@@ -92,13 +97,23 @@ def _run(arguments: Namespace) -> int:
     return command_line.OK
 
 
+def _check_animation(arguments: Namespace, paths: list[Path]) -> None:
+    """Reject options that none of the files would use."""
+    kinds = sorted({path.suffix.lower() for path in paths})
+    if all(kind in _TAKES for kind in kinds):
+        given = {f'--{name}': getattr(arguments, name) not in (None, False)
+                 for name in ('around', 'span', 'follow', 'dpi', 'size', 'codec')}
+        command_line.check_taken(f'an animation in {" and ".join(kinds)}', given,
+                                 set().union(*(_TAKES[kind] for kind in kinds)))
+
+
 def _draw(arguments: Namespace, source: 'Source', paths: list[Path], pool: 'Pool') -> list[Path]:
     """Draw one kind of picture, and write it to files."""
     if arguments.kind == 'animation':
         return [_moving(arguments, source, path, pool) for path in paths]
     figure, what = _FIGURES[arguments.kind](arguments, source)
     caption = f'{figures.short(source.name)}, {what}'
-    return [figures.write(figure, path, arguments.dpi, caption) for path in paths]
+    return [figures.write(figure, path, arguments.dpi or _DPI, caption) for path in paths]
 
 
 def _moving(arguments: Namespace, source: 'Source', path: Path, pool: 'Pool') -> Path:
@@ -110,8 +125,8 @@ def _moving(arguments: Namespace, source: 'Source', path: Path, pool: 'Pool') ->
         from dragon_ros.commands.view.page import write_page
         return write_page(source, times_s, arguments.pace, path, _shown('states'))
     zoom = _zoom(arguments)
-    size = film_size(arguments.size) if kind == '.mp4' else None
-    drawn = AnimatedFigure(source, times_s, zoom, arguments.follow, size, arguments.dpi, _shown('states'))
+    size = film_size(arguments.size or _SIZE) if kind == '.mp4' else None
+    drawn = AnimatedFigure(source, times_s, zoom, arguments.follow, size, arguments.dpi or _DPI, _shown('states'))
     return animate(source, times_s, fps, path, drawn, _shown('frames', len(times_s)), arguments.codec, pool)
 
 
