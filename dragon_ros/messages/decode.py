@@ -264,11 +264,13 @@ class Health:
 
     ``t_ns`` is the time of the last tick that it has reported on, or None before the first tick. ``waiting`` is the
     number of messages that have arrived but have not been read yet. ``leaves`` is true in a monitor's last message.
+    ``reports`` is the number of ticks that it has reported on, or 0 if unknown.
     """
 
     t_ns: int | None
     waiting: int
     leaves: bool
+    reports: int = 0
 
 
 def read_health(data: bytes, dragon: str) -> Health | None:
@@ -279,9 +281,11 @@ def read_health(data: bytes, dragon: str) -> Health | None:
         return None
     for status in statuses:
         if status.name == f'{dragon}: clearance':
-            found, waiting = _SECONDS.fullmatch(status.values.get('t_s', '')), status.values.get('waiting', '')
-            return Health(int(found[1]) * NS + int(found[2]) if found else None,
-                          int(waiting) if _COUNT.fullmatch(waiting) else 0, status.values.get('leaves') == 'true')
+            found = _SECONDS.fullmatch(status.values.get('t_s', ''))
+            waiting, reports = (int(text) if _COUNT.fullmatch(text) else 0
+                                for text in (status.values.get(key, '') for key in ('waiting', 'reports')))
+            return Health(int(found[1]) * NS + int(found[2]) if found else None, waiting,
+                          status.values.get('leaves') == 'true', reports)
     return None
 
 

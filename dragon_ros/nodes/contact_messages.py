@@ -81,12 +81,14 @@ def level_of(report: Report | None, warn_below_m: float) -> bytes:
 
 
 def health_of(dragon: str, report: Report | None, warn_below_m: float, dropped: int, waiting: int = 0,
-              leaves: bool = False) -> DiagnosticStatus:
+              leaves: bool = False, reports: int = 0) -> DiagnosticStatus:
     """Return a status (OK, WARN or ERROR) with the data of the last observed tick; ``dragon`` is the namespace.
 
-    ``waiting`` is the number of unread messages; ``leaves`` marks the monitor's last message before it exits.
+    ``waiting`` is the number of unread messages, and ``reports`` the number of ticks reported on so far; ``leaves``
+    marks the monitor's last message before it exits.
     """
-    state = {'dropped': str(dropped), 'waiting': str(waiting), **({'leaves': 'true'} if leaves else {})}
+    state = {'reports': str(reports), 'dropped': str(dropped), 'waiting': str(waiting),
+             **({'leaves': 'true'} if leaves else {})}
     name = f'{dragon}: clearance'
     level = level_of(report, warn_below_m)
     if report is None:

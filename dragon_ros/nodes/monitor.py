@@ -209,7 +209,7 @@ class Monitor(DragonNode):
         last = self._changes.last
         if self._changes.level(messages.level_of(last, self._warn_below_m)) or always:
             status = messages.health_of(dragon, last, self._warn_below_m, self.dropped,
-                                        self._inbox.waiting + 2 * self._unexamined, leaves)
+                                        self._inbox.waiting + 2 * self._unexamined, leaves, self.seen)
             message = DiagnosticArray(status=[status, *self._obstacles.statuses(dragon),
                                               *self.pace.warnings(dragon, time.monotonic()),
                                               *publishers.warnings_of(f'{dragon}: monitor', self._several)])

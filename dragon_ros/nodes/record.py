@@ -11,6 +11,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.publisher import Publisher
 
+from dragon_ros.bags.record.first_word import FirstWord
 from dragon_ros.bags.record.last_word import LastWord
 from dragon_ros.bags.record.loss_accounting import RECEIVED, LossAccount
 from dragon_ros.bags.record.scene_reader import SceneReader
@@ -63,7 +64,7 @@ class Recorder(DragonNode):
         self._handles, = (one for one in self._sources if one.topic == self._names['handles'])
         self._each_tick = {self._names[name] for name, channel in channels().items() if channel.each_tick}
         self._latched = {self._names[name] for name, channel in channels().items() if channel.latched}
-        self._word, self._awaited_s, self._heard_s = LastWord(), 0.0, 0.0
+        self._first_word, self._word, self._awaited_s, self._heard_s = FirstWord(), LastWord(), 0.0, 0.0
         self._skips, self._skipped_before = EvenSkips(), 0
         self._several: dict[str, list[str]] = {}
         self._named = set[str]()        # topics with messages that were left out
@@ -206,12 +207,20 @@ class Recorder(DragonNode):
         found = {f'{topic} too large': str(count) for topic, count in self.bag.left_out.items()}
         found |= {f'{topic} of an unknown tick': str(count) for topic, count in self._unpaired.items()}
         found |= {'monitor last word': 'missing'} if self._word.is_missing else {}
-        return found | ({'complete': 'false'} if found else {})
+        found |= {'complete': 'false'} if found else {}
+        return found | ({'monitor first reports missing': str(count)} if (count := self._first_missing) else {})
+
+    @property
+    def _first_missing(self) -> int:
+        """The number of reports on recorded ticks before the first one received; 0 if there are several monitors."""
+        row = self.losses.topics.get(self._names[_REPORT])
+        return 0 if row and row.shared else self._first_word.missing
 
     def _log_summary(self, gone: bool) -> None:
         writer, log = self.writer, self.get_logger()
         topics = sum(count > 0 for count in self.bag.counts.values())
-        whole = 'nothing is missing' if self._is_complete(gone) else 'NOT COMPLETE'
+        whole = 'no tick is missing' if self._first_missing else 'nothing is missing'
+        whole = whole if self._is_complete(gone) else 'NOT COMPLETE'
         log.info(f'{self.bag.path}: {counted(self.bag.kept, "message")} on {counted(topics, "topic")}, {whole}; the '
                  f'queue was at most {writer.fullest:.1%} full, and the longest write took '
                  f'{writer.slowest_write_s:.3f} s')
@@ -224,6 +233,9 @@ class Recorder(DragonNode):
         for topic, count in self._unpaired.items():
             log.warning(f'{topic}: left out {counted(count, "message")} without a stamp; the tick is unknown, because '
                         'no stamped message from the same publisher was received just before')
+        if count := self._first_missing:
+            log.warning(f"the monitor's first reports are missing: {counted(count, '', 'was')} published before it had "
+                        'found this recorder; record with --wait-monitor')
         if self._word.is_missing:
             log.warning("the monitor's last reports are missing: it has not reported on the last ticks")
         if self.losses.received > self.bag.kept:
@@ -283,8 +295,10 @@ class Recorder(DragonNode):
                     self.losses.stamp(t_ns)
                 elif benches:
                     self._word.examinable(t_ns)
+                    self._first_word.examinable(t_ns)
                 elif report:
                     self._word.begins(t_ns)
+                    self._first_word.begins(t_ns)
                     self._heard_s = self._last
                 if marks:       # the previous tick's messages are written first, to keep the bag in order
                     watched.mark(source_ns, t_ns, sequence)
@@ -302,6 +316,7 @@ class Recorder(DragonNode):
             self.get_logger().info('a monitor has been found')
             self._subscribe_to_all()
         self._word.health(health)
+        self._first_word.health(health)
         if health.waiting:
             self._heard_s = time.monotonic()
         return health.t_ns

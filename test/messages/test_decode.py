@@ -230,7 +230,7 @@ def test_the_health_of_a_monitor_is_that_of_its_dragon_and_all_else_is_none():
         return read_health(bytes(serialization.serialize_message(DiagnosticArray(status=rows))), 'red')
     assert of('2147483647.000000001') == Health(2147483647 * 10**9 + 1, 0, leaves=False)
     assert [of(t_s) for t_s in ('soon', '1.5', '-1.000000000')] == [Health(None, 0, leaves=False)] * 3
-    assert of('', waiting='37', leaves='true') == Health(None, 37, leaves=True)
+    assert of('', waiting='37', leaves='true', reports='26') == Health(None, 37, leaves=True, reports=26)
     assert of('', waiting='-1', leaves='yes') == of('', waiting='9' * 10) == Health(None, 0, leaves=False)
     assert [of('1.000000000', name=f'{dragon}: clearance') for dragon in ('blue', 'white')] == [None] * 2
     assert of('1.000000000', more=9999) is None         # longer than any monitor's message

@@ -79,14 +79,16 @@ def test_contact_is_an_error_and_a_clearance_below_the_limit_a_warning(count, cl
 def test_health_without_a_tick_is_ok_and_says_what_it_waits_for():
     status = messages.health_of('hall', None, 0.05, 2)
     assert (status.level, status.name, status.hardware_id) == (OK, 'hall: clearance', 'hall')
-    assert values(status) == {'dropped': '2', 'waiting': '0'}
+    assert values(status) == {'reports': '0', 'dropped': '2', 'waiting': '0'}
     assert 'waiting' in status.message
 
 
 @pytest.mark.parametrize('report', [None, Report(SEEN, 0.1, (3, 11))])
-def test_health_counts_messages_that_are_yet_to_be_read_and_marks_the_last_message_of_a_monitor(report):
-    during, last = (values(messages.health_of('hall', report, 0.05, 0, waiting, waiting == 0)) for waiting in (7, 0))
+def test_health_counts_reports_and_messages_that_are_yet_to_be_read_and_marks_the_last_message_of_a_monitor(report):
+    during, last = (values(messages.health_of('hall', report, 0.05, 0, waiting, waiting == 0, 9 - waiting))
+                    for waiting in (7, 0))
     assert (during['waiting'], last['waiting']) == ('7', '0')
+    assert (during['reports'], last['reports']) == ('2', '9')
     assert ('leaves' in during, last['leaves']) == (False, 'true')
 
 

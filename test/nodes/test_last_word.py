@@ -16,6 +16,7 @@ from test_record import received
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.messages.channels import channels
 from dragon_ros.nodes import qos
+from dragon_ros.nodes.contact_messages import header_of, health_of
 
 FOUND, WAITS = 'a monitor has been found', 'waiting for the monitor'
 MISSING = "the monitor's last reports are missing"
@@ -112,6 +113,27 @@ def test_a_recorder_that_discovers_a_monitor_late_still_receives_its_contact(sta
     assert monitor.stop() == 0, monitor.text
 
 
+def test_a_recorder_that_a_monitor_discovers_late_states_how_many_reports_it_lacks(start, node, tmp_path):
+    """The test's node acts as the monitor, and discovers the recorder only at the last tick."""
+    from diagnostic_msgs.msg import DiagnosticArray, KeyValue
+    from geometry_msgs.msg import Vector3Stamped
+    bag, last_ns = tmp_path / 'run.mcap', 412_700_000_000
+    record = start('record', '--output', bag, '--keep-going')
+    run_to_the_end(start, readers=1)
+    report, health = (node.create_publisher(kind, name, qos.of_channel(channels()[name])) for kind, name in (
+        (Vector3Stamped, 'clearance/stamped'), (DiagnosticArray, '/diagnostics')))
+    node.until(lambda: report.get_subscription_count() and health.get_subscription_count())
+    report.publish(Vector3Stamped(header=header_of('dragon', last_ns)))
+    status = health_of('dragon', None, 0.0, 0, reports=26)
+    status.values.append(KeyValue(key='t_s', value=f'{last_ns / 1e9:.9f}'))
+    health.publish(DiagnosticArray(status=[status]))
+    record.wait_for(FOUND)
+    assert record.stop() == 0, record.text
+    assert "the monitor's first reports are missing: 25 were published before it had found" in record.text
+    assert ' topics, no tick is missing' in record.text
+    assert received(bag)['dragon_ros.received']['monitor first reports missing'] == '25'
+
+
 def test_a_recorder_that_waits_for_a_monitor_gets_all_reports_of_a_run_that_waits_for_both(start, node, tmp_path):
     bag = tmp_path / 'run.mcap'
     record = start('record', '--wait-monitor', '--output', bag)
@@ -122,6 +144,7 @@ def test_a_recorder_that_waits_for_a_monitor_gets_all_reports_of_a_run_that_wait
     assert sim.end() == 0, sim.text
     assert record.end() == 0, record.text
     assert monitor.stop() == 0, monitor.text
+    assert 'nothing is missing' in record.text
     with BagReader(bag) as run:
         told = {topic.name: topic.messages for topic in run.topics}
     assert [told[f'/dragon/{name}'] for name in ('handles', 'benches', 'clearance/stamped', 'clearance')] == [26] * 4

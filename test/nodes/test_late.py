@@ -87,6 +87,6 @@ def test_who_comes_late_says_what_it_missed_and_who_was_there_misses_nothing(lau
     assert monitor.stop() == 0, monitor.text
     assert (' were published before it subscribed' if rate else 'saw 0 ticks') in monitor.text
     assert early.end() == 0, early.text
-    assert 'nothing is missing' in early.text
+    assert 'NOT COMPLETE' not in early.text     # the late monitor's first reports may be missing
     told = received(tmp_path / 'early.mcap')['dragon_ros.received']
     assert (told['complete'], told[f'{NAMESPACE}/handles ticks'].partition('-')[0]) == ('true', '0')
