@@ -99,7 +99,7 @@ def test_a_plan_is_in_chinese_or_says_which_font_is_missing(capsys, tmp_path, mo
 def test_the_page_is_served_in_the_language_that_is_asked_for(lang, tag):
     data = ViewData(SceneSource('x', load_scene('winding', ['dragon.benches=3', 'run.stop_s=1'])), lambda rows: rows)
     with ViewServer(data, lang=lang) as server:
-        serving = Thread(target=server.serve_forever)
+        serving = Thread(target=server.serve_forever, args=(0.01,))
         serving.start()
         try:
             with urllib.request.urlopen(server.url, timeout=20) as answer:

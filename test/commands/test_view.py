@@ -42,7 +42,7 @@ def serving(source):
 @contextlib.contextmanager
 def serving_of(shown, lang=None):
     with ViewServer(shown, lang=lang) as server:
-        thread = threading.Thread(target=server.serve_forever)
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
         thread.start()
         try:
             yield server
@@ -162,6 +162,12 @@ def test_every_answer_forbids_frames_other_origins_and_guessed_types(server, pat
         assert answer.headers['X-Content-Type-Options'] == 'nosniff'
         assert "frame-ancestors 'none'" in answer.headers['Content-Security-Policy']
         assert answer.headers['X-Frame-Options'] == 'DENY'
+
+
+def test_connections_that_come_at_once_wait_until_the_server_accepts_them(scene):
+    with ViewServer(ViewData(SceneSource('short', scene), iter)) as server, contextlib.ExitStack() as stack:
+        for _ in range(VIEW_CONNECTIONS):       # no thread serves them yet
+            stack.enter_context(socket.create_connection(server.server_address, timeout=10))
 
 
 def test_who_asks_is_answered_however_many_connections_ask_for_nothing(scene):

@@ -58,6 +58,7 @@ class ViewServer(ThreadingHTTPServer):
     """
 
     daemon_threads = True
+    request_queue_size = VIEW_CONNECTIONS       # beyond that of the standard library, 5, a client tries again after 1 s
 
     def __init__(self, shown: ViewData | Variants, port: int = 0, lang: str | None = None) -> None:
         """Bind to this host; without ``lang``, the page uses the browser's language."""
