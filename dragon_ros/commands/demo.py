@@ -26,7 +26,6 @@ from dragon_ros.messages.decode import Status, read_diagnostics
 from dragon_ros.scenes.load import load_scene
 
 SCENE = 'first_contact'
-_DISCOVERY_S = 4.0      # time allowed for the recorder to discover the monitor, which might otherwise report too early
 _READERS = 'handles=2,benches=2,velocities=1'
 _COMPARED = ('handles', 'benches', 'velocities', 'collision')
 _PROGRESS = re.compile(r'at ([\d.]+) s, tick')
@@ -94,10 +93,9 @@ def _demonstrate(folder: Path, pace: float) -> int:
                 pass
             start.wait_for_contact()
         say('2. the bag is replayed into another monitor and recorder, as fast as they can keep up')
-        topics, found_s = '/dragon/handles,/dragon/benches,/dragon/velocities', time.monotonic() - then.began_s
-        replay = then('replay', str(live), '--rate', '0', '--topics', topics, '--wait-subscribers',
-                      ','.join(f'/dragon/{reader}' for reader in _READERS.split(',')),
-                      '--ros-args', '-p', f'discovery_s:={max(0.0, _DISCOVERY_S - found_s)}')
+        readers = [f'/dragon/{reader}' for reader in _READERS.split(',')]
+        replay = then('replay', str(live), '--rate', '0', '--wait-subscribers', ','.join(readers),
+                      '--topics', ','.join(reader.partition('=')[0] for reader in readers))
         compared, pictures = _compared(folder, live)
         _finished(replay)
         then.wait_for_contact()
@@ -174,7 +172,6 @@ class _Processes:
     def __init__(self, log: IO[str]) -> None:
         self.log, self.environment = log, local_environment(free_domain())
         self.environment['PYTHONUNBUFFERED'] = '1'
-        self.began_s = time.monotonic()
         self.all: list[subprocess.Popen[str]] = []
         self.monitors: list[subprocess.Popen[str]] = []
         self.recorders: list[subprocess.Popen[str]] = []
@@ -188,23 +185,18 @@ class _Processes:
         return process
 
     def wait_for_contact(self) -> None:
-        """Wait until the monitor, which may lag behind, has reported a contact and the recorder has discovered it."""
-        self._wait_for('contact of benches', 'the monitor reported no contact')
-        self._wait_for('a monitor has been found', 'the recorder did not discover the monitor')
-
-    def _wait_for(self, words: str, otherwise: str) -> None:
-        """Wait until the log contains ``words``. Raises DragonError."""
+        """Wait until the monitor, which may lag behind, has reported a contact. Raises DragonError."""
         end = time.monotonic() + _LONGEST_S
-        while words not in Path(self.log.name).read_text(encoding='utf-8'):
+        while 'contact of benches' not in Path(self.log.name).read_text(encoding='utf-8'):
             if time.monotonic() > end:
-                raise DragonError(f'{otherwise}; see {self.log.name}')
+                raise DragonError(f'the monitor reported no contact; see {self.log.name}')
             time.sleep(0.05)
 
 
 def _bystanders(start: _Processes, bag: Path) -> None:
-    """Start a monitor, and a recorder that keeps recording until the monitor has reported."""
+    """Start a monitor, and a recorder that waits for it and keeps recording until it has reported."""
     start.monitors.append(start('monitor'))
-    start.recorders.append(start('record', '--output', str(bag), '--force', '--keep-going'))
+    start.recorders.append(start('record', '--output', str(bag), '--force', '--keep-going', '--wait-monitor'))
 
 
 def _interrupt_if_any_fails(others: 'list[subprocess.Popen[str]]', sim: 'subprocess.Popen[str]') -> None:
