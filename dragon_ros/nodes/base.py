@@ -14,7 +14,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from dragon_ros.core.errors import DragonError, InputError, did_you_mean, shown
-from dragon_ros.nodes import logs, qos
+from dragon_ros.nodes import logs, qos, start_errors
 from dragon_ros.nodes.params import NAMES, Parameter
 
 _KINDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'text'}
@@ -116,8 +116,9 @@ class DragonNode(Node):
         lists. Raises InputError for an invalid value or a misspelt name.
         """
         lists = {key: value for key, value in (overrides or {}).items() if isinstance(value, list)}
-        super().__init__(name, namespace=NAMESPACE, parameter_overrides=[
-            RosParameter(key, value=value) for key, value in (overrides or {}).items() if key not in lists])
+        with start_errors.in_one_line('the node'):
+            super().__init__(name, namespace=NAMESPACE, parameter_overrides=[
+                RosParameter(key, value=value) for key, value in (overrides or {}).items() if key not in lists])
         given = given_to(self)
         for key, value in lists.items():
             known = given.setdefault(key, [])
@@ -156,6 +157,11 @@ class DragonNode(Node):
             hint = known if name in NAMES else did_you_mean(name, self._table, known)
             self.get_logger().warning(f'{unknown} and ignores it; {hint}')
 
+    def resolve_topic_name(self, topic: str, *, only_expand: bool = False) -> str:
+        """Return a topic's full name, as rclpy does. Raises InputError if the name is invalid."""
+        with start_errors.in_one_line(f'topic {shown(topic)}'):
+            return str(super().resolve_topic_name(topic, only_expand=only_expand))
+
     def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any, **options: Any) -> Publisher:
         """Create a publisher as rclpy does, with its QoS overrides. Raises InputError if an override is invalid."""
         return self._overridden(super().create_publisher, 'publisher', topic, (msg_type, topic, qos_profile), options)
@@ -172,7 +178,8 @@ class DragonNode(Node):
         prefix = f'{_QOS}{self.resolve_topic_name(topic)}.{kind}.' if self._given else ''
         policies = [name.removeprefix(prefix) for name in self._given if prefix and name.startswith(prefix)]
         if not policies:
-            return create(*arguments, **options)
+            with start_errors.in_one_line(f'the {kind} of topic {shown(topic)}'):
+                return create(*arguments, **options)
         for policy in policies:
             if policy not in _POLICIES:
                 raise InputError(f'parameter {prefix}{policy}: it is not a QoS policy; choose from '

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
-from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -20,7 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 from dragon_ros.cli.command_line import BAD_INPUT, FAILED, OK
 from dragon_ros.cli.signals import ending
 from dragon_ros.core.errors import DiskError, DragonError, InputError, MissingError, shown
-from dragon_ros.nodes import logs
+from dragon_ros.nodes import logs, start_errors
 from dragon_ros.nodes.spinner import Spinner
 
 _WORD = re.compile('[A-Za-z][A-Za-z0-9_]*')      # name of a package or of a message type
@@ -36,21 +35,16 @@ def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_j
     for number in ending():
         signal.signal(number, lambda *_: stop.set())
     quiet = logs.speak_json() if as_json else []
-    secured = os.environ.get('ROS_SECURITY_ENABLE') == 'true'
     try:
-        if secured and importlib.util.find_spec('ros_wheels_bootstrapper'):
+        if os.environ.get('ROS_SECURITY_ENABLE') == 'true' and importlib.util.find_spec('ros_wheels_bootstrapper'):
             raise InputError('ROS_SECURITY_ENABLE: the ROS wheels have no DDS security plugins, so nothing would be '
                              'secured; use a ROS 2 install, or unset the variable')
-        rclpy.init(args=[name, *argv, *quiet], signal_handler_options=SignalHandlerOptions.NO)
+        with start_errors.in_one_line('the ROS context'):
+            rclpy.init(args=[name, *argv, *quiet], signal_handler_options=SignalHandlerOptions.NO)
         return body(stop)
     except (DragonError, ParameterException, NameValidationException) as error:
         logs.say('error', name, ' '.join(str(error).split()))
         return FAILED if isinstance(error, DiskError) else BAD_INPUT
-    except RCLError as error:
-        if not secured:
-            raise
-        logs.say('error', name, f'ROS_SECURITY_ENABLE: the secured node cannot start: {" ".join(str(error).split())}')
-        return BAD_INPUT
     finally:
         rclpy.try_shutdown()
 
