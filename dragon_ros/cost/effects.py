@@ -77,7 +77,7 @@ def _own(effect: Effect, scene: Scene, encode: list[Encode], budget_s: float) ->
         frame = frame_of(simulation, None, t_ns, state(scene, t_ns / NS))
         start = time.perf_counter()
         if compute:
-            frame = replace(frame, **{name: compute(simulation, frame)})
+            frame = frame._replace(**{name: compute(simulation, frame)})
         for one in encode:
             one(frame)
         spent.append(time.perf_counter() - start)

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dragon_ros.core.scene import Scene
 from dragon_ros.messages.cdr import PoseArrayTemplate, VelocitiesTemplate
 from dragon_ros.messages.channels import live
-from dragon_ros.messages.fixed_size import Encode, FixedSize, axes, handles, velocities
+from dragon_ros.messages.fixed_size import AXES, HANDLES, VELOCITIES, Encode, FixedSize
 from dragon_ros.messages.markers import CubesTemplate, TrianglesTemplate
 
 
@@ -14,16 +14,16 @@ def encoders(scene: Scene, frame_id: str = 'dragon') -> dict[str, Encode]:
 
 
 def _handles(scene: Scene, frame_id: str) -> Encode:
-    return FixedSize(PoseArrayTemplate(scene.dragon.benches + 1, frame_id), handles, axes)
+    return FixedSize(PoseArrayTemplate(scene.dragon.benches + 1, frame_id), HANDLES, AXES)
 
 
 def _benches(scene: Scene, frame_id: str) -> Encode:
     template = _STYLES[scene.markers](scene.dragon.bench_lengths_m, scene.dragon.width_m, frame_id)
-    return FixedSize(template, lambda frame: None if frame.benches is None else frame.benches.centre, axes)
+    return FixedSize(template, 'benches.centre', AXES)
 
 
 def _velocities(scene: Scene, _: str) -> Encode:
-    return FixedSize(VelocitiesTemplate(scene.dragon.benches + 1), velocities)
+    return FixedSize(VelocitiesTemplate(scene.dragon.benches + 1), VELOCITIES)
 
 
 _STYLES: dict[str, type[CubesTemplate] | type[TrianglesTemplate]] = {

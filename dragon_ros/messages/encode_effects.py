@@ -16,7 +16,7 @@ from dragon_ros.messages.cdr import (
     half_turns,
     stamp_of,
 )
-from dragon_ros.messages.fixed_size import Encode, FixedSize, handles, velocities
+from dragon_ros.messages.fixed_size import HANDLES, VELOCITIES, Encode, FixedSize
 from dragon_ros.messages.markers import SPHERE, YELLOW, MarkerSpec, contact_markers, red_benches, trail_marker
 from dragon_ros.messages.urdf import joint_names
 
@@ -58,7 +58,7 @@ def _contact_markers(scene: Scene, frame_id: str) -> Encode:
 
 
 def _accelerations(scene: Scene, _: str) -> Encode:
-    return FixedSize(VelocitiesTemplate(scene.dragon.benches + 1, 'ax_ay_size'), lambda frame: frame.acceleration_m_s2)
+    return FixedSize(VelocitiesTemplate(scene.dragon.benches + 1, 'ax_ay_size'), 'acceleration_m_s2')
 
 
 def _forces(_: Scene, __: str) -> Encode:
@@ -69,9 +69,7 @@ def _forces(_: Scene, __: str) -> Encode:
 
 
 def _measured(scene: Scene, frame_id: str) -> Encode:
-    return FixedSize(PoseArrayTemplate(scene.dragon.benches + 1, frame_id),
-                     lambda frame: None if frame.measured is None else frame.measured.p,
-                     lambda frame: None if frame.measured is None else frame.measured.axis)
+    return FixedSize(PoseArrayTemplate(scene.dragon.benches + 1, frame_id), 'measured.p', 'measured.axis')
 
 
 def _trail(_: Scene, frame_id: str) -> Encode:
@@ -109,11 +107,11 @@ def _leader(_: Scene, frame_id: str) -> Encode:
 
 
 def _cloud(scene: Scene, frame_id: str) -> Encode:
-    return FixedSize(CloudTemplate(scene.dragon.benches + 1, frame_id), handles, velocities)
+    return FixedSize(CloudTemplate(scene.dragon.benches + 1, frame_id), HANDLES, VELOCITIES)
 
 
 def _joints(scene: Scene, frame_id: str) -> Encode:
-    return FixedSize(JointsTemplate(joint_names(scene.dragon.benches), frame_id), lambda frame: frame.joint_rad)
+    return FixedSize(JointsTemplate(joint_names(scene.dragon.benches), frame_id), 'joint_rad')
 
 
 BUILDERS: dict[str, Callable[[Scene, str], Encode]] = {

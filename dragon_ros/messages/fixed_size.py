@@ -1,7 +1,7 @@
 """Messages of a fixed size, encoded for one frame or, with fewer calls of numpy, for several frames together."""
 from collections.abc import Callable, Sequence
 from functools import cached_property
-from typing import Any
+from operator import attrgetter
 
 import numpy as np
 
@@ -10,7 +10,7 @@ from dragon_ros.core.numerics.types import Array, Floats, read_only
 from dragon_ros.messages.cdr import Room, Template, stamps_of
 
 Encode = Callable[[Frame], bytes]
-_Part = Callable[[Frame], Any]      # an array or, if the effect is off, None
+HANDLES, AXES, VELOCITIES = 'chain.p', 'axis', 'velocity_m_s'       # arrays of a frame, by their attributes
 
 
 class Together:
@@ -18,17 +18,17 @@ class Together:
 
     def __init__(self, frames: Sequence[Frame]) -> None:
         """Stack nothing yet."""
-        self.frames, self._stacks = frames, dict[_Part, Floats]()
+        self.frames, self._stacks = frames, dict[str, Floats]()
 
     @cached_property
     def stamps(self) -> int | Array:
         """The stamps of the frames (see ``stamps_of``)."""
         return stamps_of([frame.t_ns for frame in self.frames])
 
-    def of(self, part: _Part) -> Floats:
-        """Return a part of all frames as one array with a leading axis, which a single frame lacks."""
+    def of(self, part: str) -> Floats:
+        """Return an array of all frames as one array with a leading axis, which a single frame lacks."""
         if part not in self._stacks:
-            parts = [part(frame) for frame in self.frames]
+            parts = [*map(attrgetter(part), self.frames)]
             self._stacks[part] = read_only(np.stack(parts)) if len(parts) > 1 else parts[0]
         return self._stacks[part]
 
@@ -36,14 +36,15 @@ class Together:
 class FixedSize:
     """Encodes frames as messages of a fixed size: copies of a template, patched with parts of a frame."""
 
-    def __init__(self, template: Template, *parts: _Part) -> None:
-        """``parts`` return the values of ``template.fill`` for a frame."""
+    def __init__(self, template: Template, *parts: str) -> None:
+        """``parts`` are the attributes of a frame that are the values of ``template.fill``."""
         self._template, self._parts, self.size = template, parts, template.size
+        self._values = attrgetter('t_ns', *parts)
         self._room: Room | None = None
 
     def __call__(self, frame: Frame) -> bytes:
         """Return the message of a frame."""
-        return self._template.encode(frame.t_ns, *[part(frame) for part in self._parts])
+        return self._template.encode(*self._values(frame))
 
     def fill(self, room: Room, together: Together) -> None:
         """Patch copies of the template, one for each frame."""
@@ -64,18 +65,3 @@ def each(encode: Encode, together: Together) -> list[bytes]:
     if isinstance(encode, FixedSize) and len(together.frames) > 1:
         return encode.each(together)
     return [encode(frame) for frame in together.frames]
-
-
-def handles(frame: Frame) -> Floats:
-    """Return the positions of the handles (m)."""
-    return frame.chain.p
-
-
-def axes(frame: Frame) -> Floats:
-    """Return the unit vectors along the links."""
-    return frame.axis
-
-
-def velocities(frame: Frame) -> Floats | None:
-    """Return the velocities of the handles (m/s)."""
-    return frame.velocity_m_s

@@ -76,7 +76,7 @@ def test_the_priced_work_of_an_effect_is_what_the_tick_does_for_it(effect):
         below = more
     scene = Scene(dragon=Dragon(12), run=Run(0.0, 20.0), effects=below)
     chain = state(scene, 10.0)
-    frame, without = (vars(frame_of(compile_scene(one), None, 10**10, chain))
+    frame, without = (frame_of(compile_scene(one), None, 10**10, chain)._asdict()
                       for one in (scene, replace(scene, effects=below & ~effect)))
     name, compute = effects.FIELDS.get(effect, ('', None))
     assert {key for key in frame if (frame[key] is None) != (without[key] is None)} == ({name} if name else set())

@@ -93,7 +93,7 @@ def test_a_trail_is_one_line_through_its_points():
 def test_diagnostics_report_ok_or_the_worst_link():
     (status,) = read_diagnostics(BYTES['model/diagnostics'])
     assert status.level == 0
-    bad = replace(FRAME, health=replace(FRAME.health, off_m=1.0))
+    bad = FRAME._replace(health=replace(FRAME.health, off_m=1.0))
     (status,) = read_diagnostics(encoders(SCENE)['model/diagnostics'](bad))
     assert status.level == 2
     assert f'link {FRAME.health.link} is off by 1 m' in status.message
