@@ -64,8 +64,8 @@ def measure(budget_s: float = 0.3) -> list[Row]:
     served = {name: scene for name, scene in scenes.items()
               if state(scene, scene.run.start_s).solver.startswith('table')}
     rates = tick_rates(budget_s)
-    return [_row(name, scene, rates, budget_s) for name, scene in tqdm(served.items(), desc='cost first', unit='scene',
-                                                                      disable=None)]
+    return [_row(name, scene, rates, budget_s)
+            for name, scene in tqdm(served.items(), desc='cost first', unit='scene', disable=None)]
 
 
 def street(arcs: int) -> Scene:

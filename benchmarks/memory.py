@@ -2,8 +2,6 @@
 
 The limit for the growth is the growth of the data that the recorder must keep for the final index.
 """
-import csv
-import io
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -18,6 +16,7 @@ from tqdm import tqdm
 from benchmarks.live import Start, alive, ended, processes
 from benchmarks.rates import times
 from dragon_ros.bags.write.mcap import packed_bytes
+from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.cost.measure import circumstances
 
@@ -135,10 +134,7 @@ def table(row: Recorded) -> str:
 
 def csv_text(row: Recorded) -> str:
     """Return the samples as CSV."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator='\n')
-    writer.writerows([('seconds', 'resident_mb'), *((f'{t_s:.2f}', f'{mb:.3f}') for t_s, mb in row.samples)])
-    return out.getvalue()
+    return csv_of(('seconds', 'resident_mb'), [(f'{t_s:.2f}', f'{mb:.3f}') for t_s, mb in row.samples])
 
 
 def picture(row: Recorded) -> Figure:

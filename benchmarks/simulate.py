@@ -108,7 +108,7 @@ def table(rows: list[Written]) -> str:
              'process (MB) |', '|---|---:|---:|---:|---:|---:|---:|']
     for row in rows:
         more = '| | | |' if row.workers is None else (f'| {row.wall_s / apart:.2f} | {row.cpu_s:.2f} | '
-                                                       f'{row.memory_mb:.0f} |')
+                                                      f'{row.memory_mb:.0f} |')
         lines.append(f'| {row.name} | {row.wall_s:.2f} | {row.run_s / row.wall_s:.0f} | {alone / row.wall_s:.2f} '
                      f'{more}')
     return '\n'.join(lines)

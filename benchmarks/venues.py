@@ -78,8 +78,8 @@ def _row(varied: str, size: float, budget_s: float) -> Row:
     sizes = {'corners': _CORNERS, 'distance (m)': _WAY_M, 'benches': _BENCHES} | {varied: size}
     corners, way_m, benches = int(sizes['corners']), float(sizes['distance (m)']), int(sizes['benches'])
     scene = town(corners, way_m, benches)
-    return Row(varied, corners, way_m, benches, {name: timed(partial(call, scene), budget_s)
-                                                for name, call in CALLS.items()})
+    return Row(varied, corners, way_m, benches,
+               {name: timed(partial(call, scene), budget_s) for name, call in CALLS.items()})
 
 
 def table(rows: list[Row]) -> str:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:       # --verify must not import the solver
     from dragon_ros.core.scene import Scene
     from dragon_ros.core.search.certificate import Contact, NoContact
 
+_COLUMNS = ('t_s', 'inner', 'outer', 'x_m', 'y_m', 'end', 't_end_s', 'obstacle')
+
 
 def main(argv: list[str]) -> int:
     """Print the first contact; return the exit code."""
@@ -186,8 +188,9 @@ def _text(values: dict[str, Any]) -> str:
     stats = f'{values["stats"]["states"]} states in {values["stats"]["elapsed_s"]:.3f} s'
     stats += '' if values['certified'] else ', without a certificate'
     if values['t_s'] is None:
-        why = {'stop': 'the run stops', 'lock': f'the chain locks at link {values["link"]}', 'track': 'the track ends'}
-        return f'no contact; {why[values["end"]]} at {values["t_end_s"]:.9f} s ({stats})'
+        from dragon_ros.core.model import End
+        end = End(values['t_end_s'], values['end'], values['link'])
+        return f'no contact; {end.words} at {end.t_s:.9f} s ({stats})'
     x, y = values['point_m']
     what = (f'bench {values["benches"][0]} and obstacle {values["obstacle"]["name"]!r}' if values['obstacle'] else
             f'benches {values["benches"][0]} and {values["benches"][1]}')
@@ -211,14 +214,7 @@ def _csv(values: dict[str, Any]) -> str:
     x, y = values.get('point_m', ('', ''))
     obstacle = (values.get('obstacle') or {}).get('name')
     cells = (values['t_s'], inner, outer, x, y, values.get('end'), values.get('t_end_s'), obstacle)
-    row = ['' if cell is None else cell for cell in cells]
-    return 't_s,inner,outer,x_m,y_m,end,t_end_s,obstacle\n' + ','.join(map(_cell, row))
-
-
-def _cell(value: Any) -> str:
-    """Return a CSV cell, quoted if needed, because the name of an obstacle may contain a comma."""
-    text = str(value)
-    return '"' + text.replace('"', '""') + '"' if set(text) & set(',"\n') else text
+    return command_line.csv_of(_COLUMNS, [cells]).rstrip('\n')
 
 
 _FORMATS: dict[str, Callable[[dict[str, Any]], str]] = {'text': _text, 'csv': _csv, 'json': json.dumps}

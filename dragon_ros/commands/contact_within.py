@@ -74,7 +74,7 @@ def _pair(benches: Sequence[int] | None) -> str:
 def _csv(values: dict[str, Any]) -> str:
     row = (values['proved_s'], values['why'], values['limit_s'], *(values['benches'] or (None, None)),
            values['nominal']['t_s'])
-    return 'proved_s,why,limit_s,inner,outer,nominal_s\n' + ','.join('' if cell is None else str(cell) for cell in row)
+    return command_line.csv_of(('proved_s', 'why', 'limit_s', 'inner', 'outer', 'nominal_s'), [row]).rstrip('\n')
 
 
 _FORMATS: dict[str, Callable[[dict[str, Any]], str]] = {'text': _text, 'csv': _csv, 'json': json.dumps}

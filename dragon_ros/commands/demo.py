@@ -248,5 +248,3 @@ def _event(bag: BagReader) -> Status:
     if len(events) != 1:
         raise DragonError(f'{bag.path}: {len(events)} contacts were reported; expected one')
     return events[0]
-
-

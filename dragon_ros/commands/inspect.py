@@ -79,9 +79,14 @@ def _inspect(arguments: Namespace) -> tuple[dict[str, Any], int]:
 
 
 def _examined(path: Path) -> Contents:
-    total = sum(each.stat().st_size for each in files_of(path) if each.exists())
-    with Progress('read', 'B', total, unit_scale=True) as bar:
+    with _progress('read', path) as bar:
         return examine(path, bar.update)
+
+
+def _progress(what: str, path: Path) -> Progress:
+    """Return a progress bar that counts the bytes of a bag."""
+    total = sum(each.stat().st_size for each in files_of(path) if each.exists())
+    return Progress(what, 'B', total, unit_scale=True)
 
 
 def _dragon(arguments: Namespace, damaged: bool = False) -> dict[str, Any]:
@@ -149,8 +154,7 @@ def _verdict(path: Path, found: 'Comparison', tier: str) -> dict[str, Any]:
 
 def _repair(arguments: Namespace) -> tuple[dict[str, Any], int]:
     from dragon_ros.bags.check.repair import repair
-    total = sum(each.stat().st_size for each in files_of(arguments.bag) if each.exists())
-    with Progress('repair', 'B', total, unit_scale=True) as bar:
+    with _progress('repair', arguments.bag) as bar:
         done = repair(arguments.bag, arguments.repair, bar.update)
     values = {'bag': str(arguments.bag), 'repaired': str(arguments.repair), 'messages': done.messages,
               'unsaved': done.unsaved, 'lost_count': done.lost.count, 'lost': done.lost.lines}

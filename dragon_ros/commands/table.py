@@ -23,8 +23,6 @@ if TYPE_CHECKING:       # imported lazily, because a table of a scene needs no b
 
 COLUMNS = ('t_s', 'handle', 'x_m', 'y_m', 'vx_m_s', 'vy_m_s', 'speed_m_s')
 Row = tuple[float, int, float, float, float, float, float]
-
-
 _SCENE = {'--scene', '--set', '--accuracy'}
 _WRITTEN = {'--output', '--format'}
 _TAKES = {'--paper': _WRITTEN | {'--lang'}, 'BAG': _WRITTEN | {'--times', '--handles', '--namespace'},

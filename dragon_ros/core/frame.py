@@ -43,7 +43,7 @@ class LeaderMotion:
     """
 
     p: Floats
-    way: Floats
+    direction: Floats
     speed_m_s: float
     turn_rad_s: float
 

@@ -191,6 +191,12 @@ class End:
     reason: str
     link: int | None = None
 
+    @property
+    def words(self) -> str:
+        """A clause that states the reason."""
+        return {'stop': 'the run stops', 'lock': f'the chain locks at link {self.link}',
+                'track': 'the track ends'}[self.reason]
+
 
 @dataclass(frozen=True, eq=False)
 class Simulation:

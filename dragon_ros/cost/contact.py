@@ -7,8 +7,6 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
 from dragon_ros.core.search.first_contact import first_contact
 
-_ENDS = {'stop': 'the run stops', 'lock': 'the chain locks', 'track': 'the track ends'}
-
 
 @dataclass(frozen=True)
 class SearchCost:
@@ -49,4 +47,4 @@ def measure(scene: Scene, budget_s: float) -> SearchCost:
 def _said(found: Contact | NoContact) -> str:
     if isinstance(found, Contact):
         return f'contact at {found.t_s:.12g} s, {found.between}'
-    return f'no contact; {_ENDS[found.end.reason]} at {found.end.t_s:.9f} s'
+    return f'no contact; {found.end.words} at {found.end.t_s:.9f} s'

@@ -30,7 +30,6 @@ class Channel:
         """Whether late subscribers receive the last message."""
         return self.durability == 'transient_local'
 
-
     @property
     def each_tick(self) -> bool:
         """Whether the topic has one message per tick; a monitor's topics have their own rate."""

@@ -95,7 +95,7 @@ def _leader(_: Scene, frame_id: str) -> Encode:
     def encode(frame: Frame) -> bytes:
         leader = frame.leader
         assert leader is not None
-        writer, turn = Writer(), half_turns(leader.way[None])[0].tolist()
+        writer, turn = Writer(), half_turns(leader.direction[None])[0].tolist()
         writer.header(frame_id, frame.t_ns)
         writer.text(f'{frame_id}/leader')
         writer.put('d', *leader.p.tolist(), 0.0, 0.0, 0.0, *turn)

@@ -136,5 +136,3 @@ def read_grid(data: bytes, rules: CellRules) -> Located:
         occupied |= cells < 0
     cell_m = float(f'{resolution_m:.7g}')       # for example, exactly 0.05 instead of the nearest 32-bit float
     return Located(frame_id, outlines(occupied, MAP, shift, turn * cell_m) if count else None)
-
-

@@ -98,8 +98,7 @@ class Frames:
         if self._contact:
             return f'the run ends at the contact of {self._contact.between} at {self._contact.t_s:.9f} s'
         end = compile_scene(self._scene).end
-        why = {'stop': 'the run ends', 'lock': f'the chain locks at link {end.link}', 'track': 'the track ends'}
-        return f'{why[end.reason]} at {end.t_s:.6f} s after {counted(self.count, "tick")}'
+        return f'{end.words} at {end.t_s:.6f} s after {counted(self.count, "tick")}'
 
     def _time_ns(self, k: int) -> int:
         return self._last.t_ns if self._last and k == self._ticks else self._scene.run.time_ns(k)

@@ -252,7 +252,7 @@ class _StudyRun:
         self._came: Queue[Future] = Queue()
         self._row_s: float | None = None
         self.progress = StudyProgress(data.study.rows, data.study.rows - sum(b - a for a, b in data.missing),
-                                 dict.fromkeys(STATUSES, 0))
+                                      dict.fromkeys(STATUSES, 0))
         self._seen, self._look_again = monotonic(), 0.0
 
     @property

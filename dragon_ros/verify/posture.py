@@ -189,5 +189,3 @@ def gap(one: Pose, two: Pose) -> arb:
 def overlap(one: Pose, two: Pose) -> bool:
     """Return whether two benches provably overlap because no edge line separates them (separating-axis theorem)."""
     return all(separation(one, two, axis) < 0 for axis in AXES)
-
-

@@ -85,5 +85,3 @@ def _ratio(segment: SpiralSegment, left: arb, right: arb, from_left: arb, from_r
     slopes = spiral_slopes(segment, theta, longest.union(from_right - right), link)
     stands = longest < half_turn() or rises(theta, half_turn().lower(), longest.upper())
     return ONE + slopes.delta_1, stands
-
-

@@ -328,5 +328,3 @@ def _check_joint(name: str, said: reading.Pose, point: acb, heading: _Heading) -
         turned = heading.direction * _Heading(-said.heading_deg).direction
         certainly(turned.real > 0 and abs(turned.imag) < 2 * _NEAR_RAD,
                   f'{name}.heading_deg: the preceding piece ends {float(turned.arg()):.3g} rad from there')
-
-

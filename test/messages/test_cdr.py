@@ -115,7 +115,6 @@ def test_turns_that_are_kept_are_those_of_the_axis_asked_for():
     assert turns_of(left).tolist() == pytest.approx([np.sqrt(0.5) * (1 + 1j)])
 
 
-
 @pytest.mark.parametrize('name', ['handles', 'benches', 'velocities'])
 def test_a_message_cut_anywhere_is_an_error_with_its_offset(name):
     read = {'handles': read_pose_array, 'benches': read_marker_array, 'velocities': read_multi_array}[name]

@@ -158,7 +158,7 @@ def test_the_leader_has_its_place_direction_speed_and_rate_of_turn(read):
     pose, twist = message.pose.pose, message.twist.twist
     assert (stamp_ns(message.header), message.child_frame_id) == (T_NS, f'{FRAME_ID}/leader')
     assert (pose.position.x, pose.position.y) == tuple(leader.p)
-    near(turned(pose.orientation), leader.way)
+    near(turned(pose.orientation), leader.direction)
     assert (twist.linear.x, twist.linear.y, twist.angular.z) == (leader.speed_m_s, 0.0, leader.turn_rad_s)
     assert not np.any(message.pose.covariance)
     assert not np.any(message.twist.covariance)

@@ -119,7 +119,7 @@ def test_a_run_that_holds_at_its_end_is_there_for_control(paused, node):
     for name in ('resume', 'step'):
         succeeded, why = paused.call(name)
         assert not succeeded
-        assert 'the run ends at 413.000000 s after 651 ticks: no frame follows; reset or seek' in why
+        assert 'the run stops at 413.000000 s after 651 ticks: no frame follows; reset or seek' in why
     assert paused.call('reset')[0]
     assert paused.call('step')[0]
     paused.shown(0, 1)

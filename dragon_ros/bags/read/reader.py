@@ -301,8 +301,8 @@ class TimeOrder:
             if heap:
                 _, number, position = heappop(heap)
                 opened = self._opened(number)
-                yield ChosenMessage(self._pieces[number],
-                             row_of(opened.data, opened.starts[position], opened.ends[position]), opened.data)
+                row = row_of(opened.data, opened.starts[position], opened.ends[position])
+                yield ChosenMessage(self._pieces[number], row, opened.data)
                 self._push(heap, number, position + 1, end_ns)
 
     def _push(self, heap: list[tuple[int, int, int]], number: int, position: int, end_ns: int) -> None:
@@ -340,4 +340,4 @@ class TimeOrder:
                                    f'{batch.end_ns} ns, but its messages are from {min(times)} to {max(times)} ns')
         order = np.argsort(np.frombuffer(times, np.uint64), kind='stable')
         return _OpenBatch(data, *(array('Q', np.frombuffer(column, np.uint64)[order].tobytes())
-                             for column in (times, starts, ends)))
+                                  for column in (times, starts, ends)))

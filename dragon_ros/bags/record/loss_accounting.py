@@ -3,6 +3,7 @@
 Losses are found in two ways. Publishers number their messages (DDS publication sequence numbers): a gap in the numbers
 means that messages were lost in transit, and a first number above 1 shows how many messages were published before the
 recorder subscribed.
+
 If the scene is known, a stamp also identifies a tick: a gap in the ticks means that ticks are missing (lost or never
 published), and a first tick after tick 0 means that the beginning of the run is missing.
 """

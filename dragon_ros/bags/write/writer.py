@@ -272,7 +272,7 @@ class BagWriter:
         by_id = {number: topic for topic, number in self._ids.items()}
         counts = {by_id[number]: count for number, count in found.channel_message_counts.items()}
         return BagPart(self._file.path.name, found.message_start_time, found.message_end_time, counts,
-                            self._file.size)
+                       self._file.size)
 
     def _write_metadata(self) -> None:
         """Write metadata.yaml, which rosbag2 requires in the folder."""

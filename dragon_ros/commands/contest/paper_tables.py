@@ -129,5 +129,5 @@ def _state(tier: str, t_s: float) -> tuple[Chain, Any]:
     return chain, np.hypot(*velocity_of(scene, chain, t_s).T)
 
 
-FORMATS: dict[str, Callable[[list[PrintedNumber]], str | bytes]] = {'csv': csv_text, 'json': json_text,
-                                                           'xlsx': xlsx_bytes}
+FORMATS: dict[str, Callable[[list[PrintedNumber]], str | bytes]] = {
+    'csv': csv_text, 'json': json_text, 'xlsx': xlsx_bytes}

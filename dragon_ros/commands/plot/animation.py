@@ -269,4 +269,3 @@ def film_size(text: str) -> tuple[int, int]:
     if width % 2 or height % 2 or not (320 <= width <= 7680 and 240 <= height <= 4320):
         raise InputError(f'--size {text}: both numbers must be even, from 320x240 to 7680x4320; try 1920x1080')
     return width, height
-

@@ -51,7 +51,7 @@ def options() -> argparse.ArgumentParser:
         default = Path('run.gif' if kind == 'animation' else f'{kind}.png')
         formats = '.gif, .html, .mp4' if kind == 'animation' else ', '.join(figures.FORMATS)
         one.add_argument('--output', type=Path, action='append', metavar='FILE',
-                                  help=f'{formats}; repeatable ({default})')
+                         help=f'{formats}; repeatable ({default})')
         one.set_defaults(default=default)
         one.add_argument('--dpi', type=int, help=f'dots per inch ({_DPI})')
         command_line.add_workers_option(one, 'animation' if kind == 'animation' else 'picture')

@@ -52,7 +52,7 @@ from dragon_ros.core.enclosures.ball_arithmetic import Ball, between, side_by_si
 from dragon_ros.core.enclosures.on_spiral import ABOVE
 from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
 
-_ROUNDED_RAD = 2.0**-46 # rounding error of an angle between unit vectors
+_ROUNDED_RAD = 2.0**-46     # rounding error of an angle between unit vectors
 _PASSES = 8     # maximum number of passes; each pass multiplies the excess at the ends by about motion / (2 link)
 _WORTH = 0.9    # passes end when almost all radii stay above this fraction of their previous values
 _FEW = 0.02     # fraction of the radii that may still fall below ``_WORTH``
@@ -254,8 +254,8 @@ def _first_angles(ends: list[Ball], k: Ball, most: Floats, way: Floats, links_m:
     swing = swing_rad(most, links_m, way[:, :-1] + way[:, 1:])
     turned = k.most * way
     return [Ball(end.mid, np.fmin(ABOVE * (widest + end.most), np.maximum(
-        end.rad, ABOVE * (0.5 * (swing + own) + off)))) for end, own in zip(ends, (turned[:, :-1], turned[:, 1:]),
-                                                                           strict=True)]
+        end.rad, ABOVE * (0.5 * (swing + own) + off))))
+        for end, own in zip(ends, (turned[:, :-1], turned[:, 1:]), strict=True)]
 
 
 def _narrowed(angles: list[Ball], ends: list[Ball], k: Ball, way: Floats, rigid: Array, inverse_l: Floats,
@@ -364,7 +364,7 @@ def second_derivatives(moving: Kinematics, one: Views, two: Views, row: Ints, i:
         x, y, u_x, u_y = _middle(one, two, (v_x, v_y), turn, gone_m, _off_m(one, two, axis_error, moving.error_m))
         square = turn.squared()
         first = ABOVE * np.hypot((a_x + 2 * turn * u_y + turn_rate * y + square * x).most,
-                         (a_y - 2 * turn * u_x - turn_rate * x + square * y).most)
+                                 (a_y - 2 * turn * u_x - turn_rate * x + square * y).most)
         more, more_rate = (_at(moving.w, row, j) - turn).most, (_at(moving.w_rate, row, j) - turn_rate).most
         spin = ABOVE * np.hypot(more_rate, more * more)
         second = first + 2 * more * np.hypot(u_x.most, u_y.most) + (more_rate + more * more) * np.hypot(x.most, y.most)

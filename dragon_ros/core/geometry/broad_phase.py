@@ -16,8 +16,8 @@ from dragon_ros.core.errors import CrowdError
 from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 
-_TOGETHER = 4   # number of steps whose boxes are queried together
-_AT_ONCE = 256
+_TOGETHER = 4           # number of steps whose boxes are queried together
+_AT_ONCE = 256          # number of boxes per query of the tree
 _MOST_PAIRS = 1_000_000     # maximum number of pairs, unless the limit per bench allows more
 _MOST_EACH = 16             # maximum number of pairs per bench
 _MOST_TURNS = 8         # maximum number of layers within reach of a bench; with more layers, boxes are faster

@@ -6,6 +6,7 @@ from dragon_ros.core.numerics.types import Floats, Ints
 
 Pair = tuple[int, int]
 
+
 @dataclass(frozen=True)
 class Closeness:
     """The smallest signed gap (m) between benches that are not neighbours, its pair, and all pairs that touch.

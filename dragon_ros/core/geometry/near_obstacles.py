@@ -173,8 +173,8 @@ class NearObstacles:
         bench, edge = kept.bench[rows], kept.edge[rows]
         before, now = kept.centre[bench], _complex(benches)[0][bench]
         a, b = self.around.start[edge], self.around.stop[edge]
-        out: NDArray[np.bool_] = (_left(a, b, before) != _left(a, b, now)) & (_left(before, now, a)
-                                                                            != _left(before, now, b))
+        out: NDArray[np.bool_] = ((_left(a, b, before) != _left(a, b, now))
+                                  & (_left(before, now, a) != _left(before, now, b)))
         return out
 
     def _misplaced(self, kept: _Kept, benches: Benches, low_m: Floats) -> tuple[Ints, Ints]:

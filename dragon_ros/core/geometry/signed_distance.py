@@ -25,7 +25,7 @@ from dragon_ros.core.numerics.types import Array, Complexes, Floats, Index, Ints
 
 CORNERS = ('front left', 'rear left', 'rear right', 'front right')     # in the order of Benches.corners
 EDGES = ('front', 'rear', 'left', 'right')
-_ROUNDED = 2.0**-46 # largest rounding error of a separation or gap, relative to coordinates and sizes
+_ROUNDED = 2.0**-46     # largest rounding error of a separation or gap, relative to coordinates and sizes
 _AT_ONCE = 4096     # number of pairs whose intermediate results fit in the cache
 _SAME = 1e-12       # largest difference that counts as a tie, relative to the sizes
 _STRAIGHT_M = 1e-200    # avoids a division by zero

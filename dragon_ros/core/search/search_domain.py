@@ -277,7 +277,7 @@ class SearchDomain:
         last_bench = pair[0] if edge is not None else pair[1]
         first, last = (0, last_bench + 1) if self.leader.direction == BEHIND else (pair[0], self.dragon.benches)
         chain = marched(self.track, self.dragon.link_lengths_m[first:last], self.leader.place((gone_m, 0.0)),
-                         self.leader.direction)
+                        self.leader.direction)
         half_length = 0.5 * self.dragon.bench_lengths_m[first:last]
         centre = 0.5 * (chain.p[:-1] + chain.p[1:])
         benches = Benches(centre, axes_of(chain), half_length, np.full(half_length.size, 0.5 * self.dragon.width_m))

@@ -171,8 +171,8 @@ def test_the_leading_handle_moves_as_it_says():
         _, laws = walk(scene, [1.0] * 60)
         one, two = (led_tick(compile_scene(scene), laws[k], k) for k in (57, 58))
         moved = (two.leader.p - one.leader.p) * 30
-        np.testing.assert_allclose(moved, one.leader.speed_m_s * one.leader.way, atol=0.01)
-        (ax, ay), (bx, by) = one.leader.way, two.leader.way
+        np.testing.assert_allclose(moved, one.leader.speed_m_s * one.leader.direction, atol=0.01)
+        (ax, ay), (bx, by) = one.leader.direction, two.leader.direction
         turn = (ax * by - ay * bx) * 30
         assert turn == pytest.approx(one.leader.turn_rad_s, rel=0.01)
 

@@ -60,8 +60,6 @@ def _subsets():
                 yield effects
 
 
-
-
 def values_of(value):
     """Return plain values and bytes that are equal if all numbers in a value are bit-identical."""
     if isinstance(value, Chain):
