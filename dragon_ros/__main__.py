@@ -39,19 +39,31 @@ def main(argv: list[str]) -> int:
         print(f'dragon_ros: unknown executable {name!r}; {hint}', file=sys.stderr)
         return 2
     executable = EXECUTABLES[name]
+    before = signal.getsignal(signal.SIGINT)
     try:
-        if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
-            signal.signal(signal.SIGINT, signal.default_int_handler)
+        if before in (signal.SIG_DFL, signal.default_int_handler):
+            signal.signal(signal.SIGINT, _leave if executable.module == NODES else signal.default_int_handler)
         code: int = getattr(importlib.import_module(executable.module), executable.function)(rest)
-    except KeyboardInterrupt:       # a node interrupted during start-up exits like a running node
-        return 0 if executable.module == NODES else 1
+    except KeyboardInterrupt:
+        return 1
     except ModuleNotFoundError as error:
         if executable.module != NODES or error.name is None or error.name.startswith('dragon_ros'):
             raise
         print(f'{name}: {error.name.partition(".")[0]} is not installed, and nodes need ROS 2: run ./dragon {name} '
               'in a checkout, which installs ROS 2, or use an environment with ROS 2 (see README.md)', file=sys.stderr)
         return 2
+    finally:
+        if signal.getsignal(signal.SIGINT) is _leave:
+            signal.signal(signal.SIGINT, before)
     return code
+
+
+def _leave(*_: object) -> NoReturn:
+    """End a node that is interrupted during its start, with the exit code of one that runs.
+
+    An exception is not enough: the import system ignores some exceptions, and libraries turn others into their own.
+    """
+    os._exit(0)
 
 
 def usage() -> str:

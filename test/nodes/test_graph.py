@@ -310,6 +310,30 @@ def test_a_node_that_is_interrupted_while_it_starts_ends_as_one_that_runs(start,
     assert 'Traceback' not in process.text
 
 
+SITE = """
+import os, signal, sys
+
+class Interrupt:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGINT)
+
+class Finder:
+    @staticmethod
+    def find_spec(name, path=None, target=None):
+        if name == 'dragon_ros.nodes.params':
+            Interrupt()
+
+sys.meta_path.insert(0, Finder)
+"""
+
+
+def test_a_node_that_is_interrupted_where_python_ignores_exceptions_ends_too(start, tmp_path):
+    (tmp_path / 'sitecustomize.py').write_text(SITE)
+    process = start('sim', '--set', 'run.stop_s=1', anew=True,
+                    PYTHONPATH=os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get('PYTHONPATH')])]))
+    assert (process.end(), process.text) == (0, '')
+
+
 @pytest.mark.parametrize(('content', 'says'), [(b'', 'empty'), (b'x' * 500, 'not an MCAP')])
 def test_replay_of_what_is_no_bag_is_refused(start, tmp_path, content, says):
     (tmp_path / 'bad.mcap').write_bytes(content)
