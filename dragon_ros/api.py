@@ -339,8 +339,8 @@ class Design:
 
         Pitches up to ``largest_m`` are considered. ``dragon`` is a dragon or a scene; None means the classic dragon.
         The bounds of the result are at most ``within_m`` apart. For mixed benches, ``smallest_m`` must be given, a
-        pitch at which benches touch, and ``proved`` is false if contacts may occur at pitches above the bracket. Raises
-        FieldError.
+        pitch at which benches touch (it is ignored for equal benches), and ``proved`` is false if contacts may occur at
+        pitches above the bracket. Raises FieldError.
         """
         from dragon_ros.core.search.min_pitch import min_pitch
         if not isinstance(dragon, (Dragon, Mixed, NoneType)):

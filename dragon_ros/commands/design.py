@@ -184,8 +184,11 @@ def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
     """Return the bracket around the smallest pitch, for the scene's dragon and the scene's track.start_turns."""
     from dataclasses import asdict
 
+    from dragon_ros.core.chain.dragon import is_even
     from dragon_ros.core.search.min_pitch import min_pitch
     scene = command_line.scene_from(arguments)
+    if arguments.smallest is not None and is_even(scene.dragon.link_lengths_m):
+        raise InputError('--smallest: all benches behind the head are equal, so no bound is needed; omit it')
     with Progress('min-pitch', 'states') as bar:
         try:
             found = min_pitch(scene.dragon, arguments.diameter, scene.spiral.start_turns, arguments.largest,

@@ -31,6 +31,15 @@ def test_min_pitch_takes_the_dragon_of_a_scene_and_another_circle(capsys):
     assert 'the smallest pitch is 0.51338' in out
 
 
+@pytest.mark.parametrize(('arguments', 'says'), [
+    (['--smallest', '0.4'], '--smallest: all benches behind the head are equal, so no bound is needed; omit it'),
+    (['--within', '1'], '--within: 1.0 is not valid: no contact was found, but pitches between 0.28125 m and ')])
+def test_min_pitch_names_an_option_that_it_cannot_use(capsys, arguments, says):
+    code, out, err = run(capsys, 'min-pitch', '--set', 'dragon.benches=40', *arguments)
+    assert (code, out) == (2, '')
+    assert says in err
+
+
 @pytest.mark.parametrize(('side', 'says'), [('24', 'the dragon fits\n'), ('23.8', 'fits only off the centre'),
                                             ('23.7', 'does not fit')])
 def test_fit_says_whether_it_does(capsys, side, says):

@@ -64,6 +64,7 @@ _TINY = 1e-2            # side of the smallest boxes, relative to ``within_m``
 _BRACKET = 5            # smallest difference between the bounds on the pitch, as a multiple of the error of a gap
 _OUTWARDS = 1 + 2.0**-50    # rounding factor for a pitch, which is the quotient of a rounded number and a scale
 _SAME = 1e-15               # relative rounding error of a pitch that is computed from a scale
+_ALIKE = 1e-6               # relative difference below which two pitches are the same in six digits
 _UNIT = track_of(Spiral(2 * pi, 1.0), BEHIND)   # the spiral in units of b
 _BENT = 1.09               # the curvature of any spiral is at most 1.09 / r: (u^3 + 4 u^2 + 4 u) / (1 + u)^3 <= 32 / 27
 
@@ -137,7 +138,10 @@ def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_tu
     head = _Descending(task, 0, task.smallest_m, progress)
     low_m, high_m = head.run()
     if not head.touch:
-        raise FieldError('start_turns', start_turns, f'no pitch of {low_m:.6g} m or more has a contact; at this pitch '
+        if not isclose(low_m, high_m, rel_tol=_ALIKE):
+            raise FieldError('within_m', within_m, f'no contact was found, but pitches between {low_m:.6g} m and '
+                             f'{high_m:.6g} m may have one', 'ask for a narrower bracket')
+        raise FieldError('start_turns', start_turns, f'no pitch of {high_m:.6g} m or more has a contact; at this pitch '
                          'the head starts on the circle', 'start further out, or give a smaller circle')
     radius_m, pitch_m, bench = head.touch
     if isclose(pitch_m, largest_m, rel_tol=_SAME):

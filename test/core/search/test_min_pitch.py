@@ -81,6 +81,12 @@ def test_a_bracket_that_would_end_at_the_largest_pitch_is_refused_since_nothing_
         min_pitch(Dragon(benches=40), largest_m=0.4504, within_m=1e-3)
 
 
+@pytest.mark.parametrize('within_m', [0.5, 1.0])
+def test_a_bracket_too_wide_to_find_the_contact_proves_nothing(within_m):
+    with pytest.raises(FieldError, match=r'within_m: .* pitches between 0.28125 m and \S+ m may have one; ask for a nar'):
+        min_pitch(Dragon(benches=40), within_m=within_m)
+
+
 def test_a_body_that_would_touch_first_is_said_to_be_not_covered():
     with pytest.raises(DragonError, match='two body benches'):
         min_pitch(Dragon(20, head_length_m=1.0), largest_m=0.6)
