@@ -177,6 +177,52 @@ def test_the_truth_is_right_and_a_few_wrong_cells_are_counted():
     assert (positions.worst, positions.handle, positions.t_s) == (pytest.approx(0.5, abs=1e-6), 5, 75.0)
 
 
+def test_a_wrong_cell_of_result_2_is_placed_at_the_contact():
+    truth = right('result2', np.array([np.nan]))
+    p = truth.handles_m.copy()
+    p[0, 3, 0] += 0.5
+    sheets = tuple(grades_of('result2', given(p, truth.speed_m_s, np.array([np.nan]))))
+    assert sheets[0].findings[0].parameters == {'count': 1, 'handle': 3, 't': contact_s()}
+    text = json_text([TeamGrade('a', (), sheets, ())])
+    json.loads(text, parse_constant=pytest.fail)
+
+
+@pytest.mark.parametrize('value', [0.0, 1.0, 3.0, 0.1234567, 1e100])
+def test_a_table_of_one_number_is_not_explained_by_a_motion_or_by_rounding(value):
+    p = np.full((len(TIMES), 224, 2), value)
+    sheets = grades_of('result1', given(p, p[..., 0] + 2.0))
+    assert [(one.findings[-1].key, one.explains < 0.99) for one in sheets] == [('unknown', True)] * 2
+
+
+@pytest.mark.parametrize('result', ['result1', 'result2', 'result4'])
+@pytest.mark.parametrize('damage', thinned([
+    lambda p: np.where(np.arange(224)[:, None] < 30, 0.0, p), lambda p: 0.0 * p,
+    lambda p: np.where(np.arange(224)[:, None] > 200, np.nan, p), lambda p: p * (1, np.nan),
+    lambda p: p[:, :1] + 0 * p, lambda p: 1e99 * p], lambda damage: damage(np.ones((1, 224, 2)))[0, 0, 0] == 0))
+def test_any_table_of_numbers_gets_a_finite_verdict(result, damage):
+    times = {'result1': TIMES[::4], 'result2': np.array([np.nan]), 'result4': TURNING[::5]}[result]
+    truth = right(result, times)
+    sheets = tuple(grades_of(result, given(damage(truth.handles_m), damage(truth.handles_m)[..., 0], times)))
+    json.loads(json_text([TeamGrade('a', (), sheets, ())]), parse_constant=pytest.fail)
+
+
+@pytest.mark.parametrize('factor', [1e3, 1e12])
+def test_times_at_which_there_is_no_state_are_not_graded(factor):
+    sheets = grades_of('result4', given(right('result4', TURNING).handles_m, times=TURNING * factor))
+    assert [(one.sheet, one.cells) for one in sheets] == [('positions', 2 * 224), ('speeds', 0)]
+
+
+@pytest.mark.parametrize('digits', [0, 1])
+def test_wrong_values_in_centimetres_are_not_explained_by_their_unit(digits):
+    p, speed = (np.round(100 * one, digits) for one in right())
+    sheets = grades_of('result1', given(p, speed))
+    assert [(plain(one.findings), one.explains) for one in sheets] == [('centimetres', 1.0)] * 2
+    rng = np.random.default_rng(4)
+    sheets = grades_of('result1', given(p + 30 * rng.integers(-1, 2, p.shape), speed + 5 * rng.integers(-1, 2,
+                                                                                                   speed.shape)))
+    assert [one.findings[-1].key for one in sheets] == ['rest', 'unknown']
+
+
 @pytest.mark.parametrize('digits', [0, 2, 4])
 def test_rounded_digits_alone_are_all_that_is_wrong(digits):
     positions, _ = grades_of('result1', given(*(np.round(one, digits) for one in right())))

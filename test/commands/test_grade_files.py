@@ -118,6 +118,20 @@ def test_missing_and_empty_sheets_and_other_names_are_told(tmp_path):
     assert [key for key, _ in grade.notes] == [*['sheet_empty', 'other_result'] * 2, 'given_twice']
 
 
+@pytest.mark.parametrize('value', ['#DIV/0!', True, 1e308, -1e308])
+def test_a_cell_that_is_no_sensible_number_is_one_wrong_or_missing_cell(tmp_path, reader, value):
+    sheets = contest()
+    sheets['位置'] = [[*row] for row in sheets['位置']]
+    sheets['位置'][5][2] = value
+    grade = grade_team(Team('a', [book(tmp_path / 'result1.xlsx', **sheets)]))
+    assert (grade.problems, grade.notes) == ((), ())
+    positions = grade.sheets[0]
+    if isinstance(value, float):
+        assert ([one.key for one in positions.findings], positions.verdict) == (['few_cells'], 'wrong')
+    else:
+        assert (positions.expected - 2 * 224 * (301 - len(TIMES)) - positions.cells, positions.verdict) == (1, 'right')
+
+
 def changed(data, **parts):
     """Return a workbook in which the given parts are replaced; None omits a part."""
     out = io.BytesIO()

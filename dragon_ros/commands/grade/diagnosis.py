@@ -28,7 +28,7 @@ from dragon_ros.commands.contest.mistakes import (
     solved,
 )
 from dragon_ros.commands.grade.layout import HANDLES
-from dragon_ros.commands.grade.truth import TrueStates, contact_s, state_at, turned_scene, wound_scene
+from dragon_ros.commands.grade.truth import TrueStates, contact_s, state_at, truth_at, turned_scene, wound_scene
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.numerics.types import Floats, Ints
@@ -48,6 +48,7 @@ _GRIDS = tuple(sorted((*(m * 10.0 ** -e for e in range(1, 5) for m in (1.0, 0.5,
                       reverse=True))
 _DIFFERENCES_S = (2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.001)
 _LEAST_STEP_S, _MOST_STEP_S = 0.0004, 30.0      # smallest and largest Euler step considered
+_CIRCLES_M = 1.0, 100.0     # smallest and largest diameter of a turning circle considered
 _UNITS = {100.0: 'centimetres', 1000.0: 'millimetres', 0.001: 'kilometres'}
 _AXES = {'': (1, 0, 0, 1), 'mirrored_x': (1, 0, 0, -1), 'mirrored_y': (-1, 0, 0, 1), 'rotated_180': (-1, 0, 0, -1),
          'swapped': (0, 1, 1, 0), 'rotated_90': (0, -1, 1, 0), 'rotated_270': (0, 1, -1, 0),
@@ -96,8 +97,9 @@ def rounded_to(values: Floats) -> int | None:
     return None
 
 
-def _tolerance(digits: int | None) -> float:
-    return RIGHT if digits is None else RIGHT + 10.0 ** -digits
+def _tolerance(digits: int | None, unit: float = 1.0) -> float:
+    """Return the largest error (m or m/s) of right values in ``unit`` per metre that are rounded to some decimals."""
+    return RIGHT if digits is None else RIGHT + 10.0 ** -digits / unit
 
 
 def nice(value: float, within: float = 0.03) -> float:
@@ -117,13 +119,13 @@ def diagnose_positions(result: str, times_s: Floats, given: Floats, truth: TrueS
     if _few_differ(found, given, right, digits, times_s):
         return found
     raw = given
-    given = _in_metres(found, given, right)
+    given, unit = _in_metres(found, given, right)
     if result != 'result4' and _polar(found, given, right):
         return found
     given = _in_order(found, given, right)
     found.undone = given
     undone = len(found.findings) > (digits is not None)
-    if undone and _worst(given, right) <= _tolerance(digits) * 2:
+    if undone and _worst(given, right) <= RIGHT + _tolerance(digits, unit):
         found.explains = 1.0
         return found
     rest = (_turned if result == 'result4' else _wound)(result, times_s, given, right, digits)
@@ -156,15 +158,15 @@ def _few_differ(found: Diagnosis, given: Floats, right: Floats, digits: int | No
     return True
 
 
-def _in_metres(found: Diagnosis, given: Floats, right: Floats) -> Floats:
-    """Return the values in metres, and report if they were in another unit."""
+def _in_metres(found: Diagnosis, given: Floats, right: Floats) -> tuple[Floats, float]:
+    """Return the values in metres and the given unit (per metre), and report if this unit is not a metre."""
     there = np.isfinite(given) & np.isfinite(right)
     ratio = float(np.sqrt(np.sum(np.square(given[there])) / np.sum(np.square(right[there]))))
     for factor, name in _UNITS.items():
         if abs(np.log(max(ratio, 1e-300) / factor)) < 0.3:
             found.findings.append(Finding(name, {}))
-            return given / factor
-    return given
+            return given / factor, factor
+    return given, 1.0
 
 
 def _polar(found: Diagnosis, given: Floats, right: Floats) -> bool:
@@ -271,10 +273,12 @@ def _rigid(given: Floats, right: Floats, before: float, otherwise: float) -> tup
     a, b = front[there] @ (1, 1j), wanted[there] @ (1, 1j)
     for mirrored, source in ((False, b), (True, b.conj())):
         turn = np.sum((a - a.mean()) * (source - source.mean()).conj())
-        turn /= abs(turn) or 1.0
+        if not turn:        # all given points are the same
+            continue
+        turn /= abs(turn)
         shift = a.mean() - turn * source.mean()
         left = float(np.sqrt(np.mean(np.square(np.abs(a - turn * source - shift))) / 2))
-        if left < 1e-3 * before and left < 0.1 * otherwise:
+        if left < 1e-3 * min(before, float(np.std(b))) and left < 0.1 * otherwise:
             back = (given @ np.array((1, 1j)) - shift) / turn
             back = back.conj() if mirrored else back
             return Finding('mirrored_rigid' if mirrored else 'rotated_rigid', {
@@ -311,7 +315,8 @@ def _wound(result: str, times_s: Floats, given: Floats, right: Floats, digits: i
         return _on_other_spiral(head, pitch_m, given, right)
     if off_m > _ON_TRACK_M:
         paper = _as_paper(times_s, given, right) if result == 'result1' else None
-        return paper or _unknown([*head.findings, Finding('off_track', {'off': off_m})])
+        off = [Finding('off_track', {'off': off_m})] if np.isfinite(off_m) else []      # inf if no handle has x and y
+        return paper or _unknown([*head.findings, *off])
     start = theta[:, 0] if head.angles is None else head.angles
     if head.angles is None or not np.isfinite(start).all():
         return _as_paper(times_s, given, right) or _unknown([Finding('head_unknown', {}), *_links_seen(given, noise_m)])
@@ -466,7 +471,8 @@ def _named_links(head_m: float, body_m: float, last_m: float, noise_m: float) ->
 def _grid_of(theta: Floats, step: Floats, off: Floats, noise_m: float,
              ) -> tuple[Rule, list[Finding]] | None:
     """Return the rule for handles on a grid of angles that starts at the previous handle, or None if they are not."""
-    grid = _step_of(step, noise_m / float(np.nanmin(theta) * _B_M))
+    inner_m = float(np.nanmin(theta)) * _B_M
+    grid = _step_of(step, noise_m / inner_m) if inner_m > 0 else None
     if grid is None:
         return None
     before = np.hypot(*np.moveaxis(points(theta[:, 1:] - grid) - points(theta[:, :-1]), -1, 0)) - links_of()
@@ -517,6 +523,8 @@ def _moment(theta: float, noise_m: float) -> tuple[list[Finding], Floats | None]
         return [], None
     t_s = float(arc_length(np.array(START)) - arc_length(np.array(theta))) * _B_M
     near_s = max(5e-6, noise_m)
+    if np.isnan(truth_at('result1', np.array([t_s])).speed_m_s).any():     # there is no state at this time
+        return [], None
     if abs(t_s - contact_s()) <= near_s:
         return [], np.array([theta])
     return [Finding('moment', {'t': t_s}), *contact_findings(t_s, near_s)], np.array([theta])
@@ -737,7 +745,8 @@ def _circles_m(times: Floats, head: Floats) -> tuple[float, ...]:
     b_m = STurn.pitch_m / 2 / pi
     theta = np.hypot(head[before, 0], head[before, 1]) / b_m
     left = arc_length(theta) + times[before] / b_m
-    return (2 * b_m * float(np.median(mistakes.inverted(arc_length, left))),)
+    circle_m = 2 * b_m * float(np.median(mistakes.inverted(arc_length, left)))
+    return (circle_m,) if _CIRCLES_M[0] < circle_m < _CIRCLES_M[1] else ()
 
 
 # Speeds.
@@ -750,15 +759,15 @@ def diagnose_speeds(result: str, times_s: Floats, given: Floats, truth: TrueStat
         found.findings.append(Finding('rounded', {'digits': digits}))
     if _few_differ(found, given[..., None], right[..., None], digits, times_s):
         return found
-    level = float(np.nanmedian(given))
+    level, unit = float(np.nanmedian(given)), 1.0
     for factor, key in ((100.0, 'centimetres'), (1000.0, 'millimetres'), (-1.0, 'negative')):
         if abs(level / factor - 1) < 0.2:
             found.findings.append(Finding(key, {}))
-            given = given / factor
+            given, unit = given / factor, abs(factor)
     found.undone = given
     tried = [(share(given, remade if digits is None else np.round(remade, digits), right), n, finding)
              for n, (finding, remade) in enumerate(_speed_candidates(result, times_s, given, truth, positions))]
-    if found.findings and _worst(given, right) <= 2 * _tolerance(digits):
+    if len(found.findings) > (digits is not None) and _worst(given, right) <= RIGHT + _tolerance(digits, unit):
         found.explains = 1.0
         return found
     best = max((one[0] for one in tried), default=0.0)

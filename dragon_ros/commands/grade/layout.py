@@ -29,6 +29,7 @@ _Y = re.compile(r'纵坐标|縱坐標|(?<![a-z])y(?![a-z])')
 _PLACE = re.compile(r'位置|坐标|position|coordinate|xy')
 _TIME_NAME = re.compile(r'时间|时刻|^time|^t$|^t\s*[\(/]|^t_s$')
 _HANDLE_NAME = re.compile(r'把手|编号|序号|节点|板凳|^handle|^index|^section|^bench|^node|^i$|^no\.?$')
+_HUGE = 1e100           # larger numbers are read as this, so that sums of squares stay finite
 _FEW = 4                # smallest number of values in a progression
 _MOST_LABELS = 8        # largest number of rows or columns before the values
 
@@ -178,13 +179,13 @@ def _number(cell: Cell) -> float:
 
 def _numbers(rows: list[list[Cell]]) -> tuple[Floats, bool]:
     """Return cells as numbers (nan for other cells), and whether numbers are stored as text."""
-    as_text = sum(isinstance(cell, str) for row in rows[:20] for cell in row[:20]) > 0
+    as_text = any(isinstance(cell, str) and np.isfinite(_number(cell)) for row in rows[:20] for cell in row[:20])
     try:
         values = np.array(rows, dtype=np.float64)
     except (TypeError, ValueError):
         values = np.array([[_number(cell) for cell in row] for row in rows], dtype=np.float64)
     values[~np.isfinite(values)] = np.nan
-    return values, as_text and bool(np.isfinite(values[:20, :20]).mean() > 0.5)
+    return np.clip(values, -_HUGE, _HUGE), as_text and bool(np.isfinite(values[:20, :20]).mean() > 0.5)
 
 
 def _label_rows(rows: list[list[Cell]]) -> int:

@@ -3,7 +3,9 @@
 The grades are plain values that processes can exchange.
 """
 import re
-from collections.abc import Mapping
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -22,7 +24,7 @@ from dragon_ros.commands.grade.diagnosis import (
 from dragon_ros.commands.grade.heat import Heat, heat_of
 from dragon_ros.commands.grade.layout import HANDLES, GivenResult, given_by
 from dragon_ros.commands.grade.reading import read_book
-from dragon_ros.commands.grade.truth import RESULTS, contact_s, truth_at
+from dragon_ros.commands.grade.truth import RESULTS, TrueStates, contact_s, truth_at
 from dragon_ros.commands.grade.words import sentence
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import InputError
@@ -167,13 +169,26 @@ def _by_result(found: GivenResult, named: str | None) -> list[tuple[str, GivenRe
 
 def grades_of(result: str, given: GivenResult) -> list[SheetGrade]:
     """Return the grades for a result's positions and speeds."""
-    truth = truth_at(result, given.times_s)
-    places, speeds = given.cells[..., :2], given.cells[..., 2]
-    positions = diagnose_positions(result, given.times_s, places, truth) if given.has('x') or given.has('y') else None
-    out = [_grade(result, 'positions', given.times_s, places, truth.handles_m, positions)]
-    moving = diagnose_speeds(result, given.times_s, speeds, truth, positions or Diagnosis()) if given.has('v') else None
-    out.append(_grade(result, 'speeds', given.times_s, speeds[..., None], truth.speed_m_s[..., None], moving))
+    times_s = np.full(given.times_s.size, contact_s()) if result == 'result2' else given.times_s
+    truth = truth_at(result, times_s)
+    known = np.isfinite(truth.speed_m_s).all(axis=1)        # the dragon has no state at the other times
+    times_s, truth, cells = times_s[known], TrueStates(*(one[known] for one in truth)), given.cells[known]
+    given = GivenResult(times_s, cells)
+    places, speeds = cells[..., :2], cells[..., 2]
+    with _any_numbers():
+        positions = diagnose_positions(result, times_s, places, truth) if given.has('x') or given.has('y') else None
+        moving = diagnose_speeds(result, times_s, speeds, truth, positions or Diagnosis()) if given.has('v') else None
+    out = [_grade(result, 'positions', times_s, places, truth.handles_m, positions)]
+    out.append(_grade(result, 'speeds', times_s, speeds[..., None], truth.speed_m_s[..., None], moving))
     return out
+
+
+@contextmanager
+def _any_numbers() -> Iterator[None]:
+    """Let quotients and medians of given numbers be infinite or nan, which no mistake explains, without a warning."""
+    with np.errstate(divide='ignore', invalid='ignore', over='ignore'), warnings.catch_warnings():
+        warnings.simplefilter('ignore', RuntimeWarning)
+        yield
 
 
 def _grade(result: str, sheet: str, times_s: Floats, given: Floats, right: Floats, why: Diagnosis | None) -> SheetGrade:
@@ -184,9 +199,9 @@ def _grade(result: str, sheet: str, times_s: Floats, given: Floats, right: Float
         return SheetGrade(result, sheet, 0, expected, None, None, None, tuple(0.0 for _ in BOUNDS), (), None, None)
     row, handle, _ = np.unravel_index(int(np.nanargmax(error)), error.shape)
     within = tuple(float(np.mean(error[there] <= bound * (1 + 1e-9))) for bound in BOUNDS)
-    t_s = contact_s() if result == 'result2' else float(times_s[row])
-    return SheetGrade(result, sheet, int(there.sum()), expected, float(np.nanmax(error)), int(handle), t_s, within,
-                      tuple(why.findings), why.explains, heat_of(times_s, given, right))
+    return SheetGrade(result, sheet, int(there.sum()), expected, float(np.nanmax(error)), int(handle),
+                      float(times_s[row]), within, tuple(why.findings), why.explains,
+                      heat_of(times_s, given, right))
 
 
 # Answers that are a single number.
