@@ -83,7 +83,7 @@ def test_a_bracket_that_would_end_at_the_largest_pitch_is_refused_since_nothing_
 
 @pytest.mark.parametrize('within_m', [0.5, 1.0])
 def test_a_bracket_too_wide_to_find_the_contact_proves_nothing(within_m):
-    with pytest.raises(FieldError, match=r'within_m: .* pitches between 0.28125 m and \S+ m may have one; ask for a nar'):
+    with pytest.raises(FieldError, match=r'within_m: .* pitches between 0.28125 m and \S+ m may have one; ask'):
         min_pitch(Dragon(benches=40), within_m=within_m)
 
 
