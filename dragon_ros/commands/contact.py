@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from dragon_ros.cli import command_line
 from dragon_ros.cli.progress import Progress
+from dragon_ros.core.checks import number
 from dragon_ros.core.errors import InputError
 
 if TYPE_CHECKING:       # --verify must not import the solver
@@ -62,6 +63,11 @@ def _check(arguments: Namespace) -> None:
         raise InputError('--effort: it requires --verify; add --verify, or omit --effort')
     if arguments.within and arguments.near_misses is not None:
         raise InputError('--near-misses: it is not available for a family of dragons; omit --within or --near-misses')
+    if arguments.near_misses is not None:
+        number('--near-misses', arguments.near_misses, above=0.0)
+    if None not in (arguments.certificate, arguments.output) and (
+            arguments.certificate.resolve() == arguments.output.resolve()):
+        raise InputError(f'--output {arguments.output}: the certificate is written to this file; give another file')
     if arguments.near_misses is not None and arguments.format == 'csv':
         raise InputError('--near-misses: --format csv contains only the contact; use text or json')
 

@@ -43,15 +43,21 @@ _CENTRE_LINE = (0, (12, 2, 2, 2))
 _ROWS = 34              # number of table rows per page
 _NARROWEST = 3          # number of positions for which the required room is shown
 _NEARLY_M = 0.01
+_KINDS = {'pdf': {'--scale', '--paper', '--title'}, 'geojson': set[str]()}     # options that only one format accepts
 _WIDE = 0.62            # width of a letter relative to the text height
 
 
 def run(arguments: Namespace) -> int:
     """Write the plan of a scene; return the exit code."""
     path: Path = arguments.output
-    kind = arguments.format or path.suffix.lower().lstrip('.')
-    if kind not in ('pdf', 'geojson'):
+    suffix = path.suffix.lower().lstrip('.')
+    kind = arguments.format or suffix
+    if kind not in _KINDS:
         raise InputError(f'--output {path}: the suffix must be .pdf or .geojson; rename it, or give --format')
+    if suffix in _KINDS and suffix != kind:
+        raise InputError(f'--format: {kind} conflicts with --output {path}; give only one of them')
+    command_line.check_taken(f'a plan in {kind}', {f'--{name}': getattr(arguments, name) is not None
+                                                   for name in ('scale', 'paper', 'title')}, _KINDS[kind])
     scene = command_line.scene_from(arguments)
     lang = language_of(arguments.lang)
     plan = Plan(scene, figures.drawable(arguments.title or Path(arguments.scene).stem), lang)

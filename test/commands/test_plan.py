@@ -74,6 +74,10 @@ def test_a_scene_without_a_venue_has_a_plan_without_gaps(capsys, tmp_path):
     assert 'gap' not in _said(Plan(load_scene('street', ['venue=null', 'dragon.benches=5']), 'x'))
 
 
+def test_a_dragon_that_stands_still_has_a_plan_of_its_benches(capsys, tmp_path):
+    assert run(capsys, '--scene', 'winding', '--set', 'run.stop_s=0', '--output', str(tmp_path / 'a.pdf'))[0] == 0
+
+
 def test_dollars_in_a_title_or_a_name_are_no_formula(capsys, tmp_path):
     """Matplotlib parses text between two dollar signs, and raises an error for this text."""
     scene = tmp_path / '$x^{$.yaml'
@@ -190,6 +194,9 @@ def test_a_plan_can_be_read_without_its_colours():
 
 @pytest.mark.parametrize(('arguments', 'says'), [
     (['--output', 'a.png'], 'the suffix must be .pdf or .geojson'),
+    (['--output', 'a.geojson', '--format', 'pdf'], '--format: pdf conflicts with --output a.geojson; give only one'),
+    (['--output', 'a.geojson', '--scale', '1:100'], '--scale: a plan in geojson does not accept it; omit it'),
+    (['--output', 'a', '--format', 'geojson', '--title', 'x'], '--title: a plan in geojson does not accept it'),
     (['--output', 'a.pdf', '--set', 'dragon.benches=5', '--scale', '1:20'], 'from 1:50 to 1:1000'),
     (['--output', 'a.pdf', '--scale', '1:50', '--scene', 'street', '--set', 'track.pieces.5.length_m=600', '--set',
       'dragon.benches=5'], 'the drawing takes at least 33 pages of A3, and the limit is 24; give a smaller scale\n')])

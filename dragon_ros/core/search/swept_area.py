@@ -14,6 +14,7 @@ import numpy as np
 from shapely import (
     convex_hull,
     get_coordinates,
+    get_dimensions,
     intersection,
     linestrings,
     multipoints,
@@ -92,8 +93,9 @@ def _placed(ranges: HandleRanges, bench: int, span: Floats, step_m: float) -> tu
         corners = np.stack((value[..., 0], value[..., 2]), axis=-1)
         ends = [convex_hull(multipoints(np.concatenate((corners[:-1, end], corners[1:, end]), axis=1)))
                 for end in _ENDS]
-        at_m += [along, along[1:], along[1:]]
-        placed += [polygons(corners), *ends]
+        swept = [get_dimensions(each) == 2 for each in ends]        # a bench at rest sweeps only a line
+        at_m += [along, *(along[1:][some] for some in swept)]
+        placed += [polygons(corners), *(each[some] for each, some in zip(ends, swept, strict=True))]
     return np.concatenate(at_m), np.concatenate(placed)
 
 

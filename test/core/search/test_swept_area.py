@@ -3,6 +3,7 @@ from math import hypot, sqrt
 
 import numpy as np
 import pytest
+from shapely import get_dimensions
 
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
@@ -33,3 +34,10 @@ def test_on_a_circle_benches_reach_inwards_with_their_middle_and_outwards_with_t
     outwards_m = hypot(middle_m + 0.5 * dragon.width_m, 0.5 * dragon.bench_lengths_m[0]) - 9
     assert np.all(some[:, 1 - inner] <= outwards_m + 1e-9)
     assert some[:, 1 - inner] == pytest.approx(outwards_m, abs=3e-3)
+
+
+def test_a_bench_at_rest_sweeps_itself_and_no_line():
+    swept = swept_area(Scene(run=Run(0, 0)))
+    assert np.all(get_dimensions(swept.parts) == 2)
+    assert np.all(np.diff(swept.at_m) >= 0)
+    assert swept.whole.geom_type in ('Polygon', 'MultiPolygon')
