@@ -389,7 +389,7 @@ def _head_candidates(times_s: Floats, head: Floats, theta: Floats,
         if _LEAST_STEP_S < step_s < _MOST_STEP_S:
             yield key, {'step': step_s}, mistakes.euler(step_s, radial)(times_s), PITCH_M
     shift_s = float(np.median(late[there]))
-    turns = (START + 0.0) / (2 * pi)
+    turns = START / (2 * pi)
     start = solved(arc_length)(np.array([shift_s]))[0] / (2 * pi)
     if abs(start - turns) > 0.2 and abs(2 * start - round(2 * start)) < 1e-4:
         yield 'start_turns', {'turns': round(2 * start) / 2}, exact(times_s + shift_s), PITCH_M
