@@ -22,12 +22,15 @@ class Inbox:
     """
 
     def __init__(self, node: DragonNode, sources: dict[str, Publishers], read: Callable[[str, bytes, Any], None],
-                 rest: Callable[[], None], tell: Callable[[], None], held: Callable[[], bool] = lambda: False) -> None:
+                 rest: Callable[[], None], tell: Callable[[], None], held: Callable[[], bool],
+                 wait: Callable[[], None]) -> None:
         """``sources`` maps topics to publishers; ``rest`` is called after some messages have been read.
 
         ``tell`` is called when a tick is skipped. Messages wait while ``held()`` is true; call ``work`` afterwards.
+        ``wait()`` returns when ``held()`` is false; a publisher that waits for its readers waits for this, too.
         """
-        self._sources, self._read, self._rest, self._tell, self._held = sources, read, rest, tell, held
+        self._sources, self._read, self._rest, self._tell = sources, read, rest, tell
+        self._held, self._wait = held, wait
         self._waiting: deque[tuple[str, bytes, Any]] = deque()
         self._bytes, self._skips = 0, EvenSkips()
         self._timer = node.create_timer(0.0, self.work, clock=STEADY)
@@ -53,6 +56,7 @@ class Inbox:
         source, before = self._sources[topic], self.skipped
         source.arrived(raw_subscription.number(info))
         if self.fill > FROM_FILL and source.waits():
+            self._wait()
             self._work_until(float('inf'))
         if self._keeps(topic, kind, data):
             self._waiting.append((topic, data, info))

@@ -56,7 +56,8 @@ class Monitor(DragonNode):
                          for name in ('handles', 'benches')}
         self._obstacles = Obstacles(self, self._tracker.surround, lambda: self._inbox.work(),
                                     lambda data: self.topic_publishers[_OBSTACLES].publish(data))
-        self._inbox = Inbox(self, self._sources, self._take, self._examine, self._skip, self._obstacles.awaited)
+        self._inbox = Inbox(self, self._sources, self._take, self._examine, self._skip, self._obstacles.awaited,
+                            self._obstacles.wait)
         self._complete: list[tuple[Pair, int]] = []     # ticks to examine, with the sequence numbers of their handles
         self._unexamined = 0        # number of ticks that are examined after the current one
         self.pace, self._numbers = messages.Pace(), dict[int, int]()

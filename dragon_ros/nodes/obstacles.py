@@ -79,8 +79,8 @@ class Obstacles:
         self._timer = node.create_timer(_ASKED_S, self._ask, clock=STEADY)
         self._timer.cancel()
         self.venue = publishers.Publishers(node, node.resolve_topic_name(_VENUE))
-        for topic, (kind, profile, read) in topics.items():
-            subscribe_raw(node, shell.message_type(kind), topic, partial(self._take, topic, read), profile)
+        self._takers = [subscribe_raw(node, shell.message_type(kind), topic, partial(self._take, topic, read), profile)
+                        for topic, (kind, profile, read) in topics.items()]
 
     def awaited(self) -> bool:
         """Return whether the first tick must wait because the message of a known publisher has not arrived yet."""
@@ -97,6 +97,13 @@ class Obstacles:
             self._node.get_logger().warning(f'no obstacles arrived on {" and ".join(late)} within {_PATIENCE_S:g} s')
         self._waiting.clear()
         return False
+
+    def wait(self) -> None:
+        """Take messages in the calling callback, until the first tick need not wait any longer."""
+        while self.awaited():
+            time.sleep(_ASKED_S)
+            for take in self._takers:
+                take()
 
     def _ask(self) -> None:
         if not self.awaited():

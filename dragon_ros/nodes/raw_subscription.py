@@ -48,13 +48,15 @@ class _Callback:
 
 
 def subscribe_raw(node: Node, kind: Any, name: str, take: Callable[[bytes, Any], None], profile: QoSProfile,
-                  then: Callable[[], None] = lambda: None) -> None:
+                  then: Callable[[], None] = lambda: None) -> Callable[[], None]:
     """Call ``take(data, info)`` for each message in order, and ``then()`` after a batch, in any executor or Spinner.
 
-    This lets a node that has fallen behind catch up, since waking it costs as much as taking several messages.
+    This lets a node that has fallen behind catch up, since waking it costs as much as taking several messages. The
+    result is a function that takes the messages that have arrived, for a callback that must wait for them.
     """
     callback = _Callback(take, then)
     callback.subscription = node.create_subscription(kind, name, callback, profile, raw=True)
+    return callback.take_all
 
 
 def takers(node: Node) -> Iterator[tuple[int, Callable[[], None]]]:

@@ -151,6 +151,29 @@ def test_benches_that_arrive_long_after_their_handles_do_not_exceed_the_budget_o
     assert (monitor.seen, monitor.dropped, monitor._inbox.skipped) == (60, 0, 0)
 
 
+def test_no_tick_is_examined_before_an_awaited_map_even_if_a_lossless_run_fills_the_inbox(monitor, node, messages,
+                                                                                         monkeypatch):
+    from nav_msgs.msg import OccupancyGrid
+    monkeypatch.setattr(inbox, 'INBOX_MESSAGES', 40)
+    row, grid = channels()['handles'], OccupancyGrid(data=[100])
+    grid.header.frame_id, grid.info.width, grid.info.height, grid.info.resolution = 'dragon', 1, 1, 1.0
+    node.create_publisher(shell.message_type(row.type), 'handles', qos.waiting(qos.of_channel(row)))
+    maps = node.create_publisher(OccupancyGrid, '/map', qos.profile('reliable', 'transient_local', 1))
+    node.until(lambda: monitor.count_publishers('handles') and monitor.count_publishers('/map'))
+    order, changed, add = [], monitor._obstacles._changed, monitor._tracker.add
+    monitor._obstacles._changed = lambda around: (order.append(len(around.names)), changed(around))
+    monitor._tracker.add = lambda observation: (order.append('a tick'), add(observation))[1]
+    late = threading.Timer(0.3, maps.publish, [grid])
+    late.start()
+    for name, data, _, number in messages:
+        monitor._inbox.put(name, channels()[name].type, data, info(number))
+    late.join()
+    assert order[:2] == [1, 'a tick']
+    while monitor._inbox._waiting:
+        monitor._inbox.work()
+    assert (monitor.seen, monitor.dropped, monitor._inbox.skipped) == (501, 0, 0)
+
+
 @pytest.mark.parametrize('read', [0, 100])
 def test_a_monitor_reads_all_messages_of_a_publisher_that_waited_for_it_and_has_left(monitor, node, messages,
                                                                                     monkeypatch, read):
