@@ -11,6 +11,7 @@ os.environ.setdefault('OPENBLAS_THREAD_TIMEOUT', '16')
 
 import numpy as np
 import pytest
+from _pytest.runner import runtestprotocol
 from hypothesis import HealthCheck, Phase, settings
 
 
@@ -114,6 +115,21 @@ def pytest_collection_finish():
     gc.unfreeze()
     gc.set_threshold(50_000, 20, 100)
     gc.enable()
+
+
+OF_EACH_PHASE = ('xmlpath', 'durations', 'reruns')      # options that need the reports on set-up and tear-down, too
+
+
+def pytest_runtest_protocol(item, nextitem):
+    """In a worker, report the set-up and tear-down of a test only if they do not pass, since each report takes time."""
+    if not hasattr(item.config, 'workerinput') or any(item.config.getoption(one, None) for one in OF_EACH_PHASE):
+        return None
+    item.ihook.pytest_runtest_logstart(nodeid=item.nodeid, location=item.location)
+    for report in runtestprotocol(item, log=False, nextitem=nextitem):
+        if report.when == 'call' or not report.passed:
+            item.ihook.pytest_runtest_logreport(report=report)
+    item.ihook.pytest_runtest_logfinish(nodeid=item.nodeid, location=item.location)
+    return True
 
 
 @pytest.hookimpl(trylast=True)

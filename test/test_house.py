@@ -1,6 +1,9 @@
 """The ROS linters' checks of the licence and the manifest, without these linters; ruff covers the other rules."""
 import hashlib
 import re
+import shutil
+import subprocess
+import sys
 import tokenize
 from pathlib import Path
 from types import SimpleNamespace
@@ -96,3 +99,41 @@ def test_the_longest_tests_exist(conftest):
     tests = {name for path in SOURCES if path.name.startswith('test_')
              for name in re.findall(r'^def (test_\w+)', path.read_text(), re.MULTILINE)}
     assert [start for start in conftest.LONGEST if not any(name.startswith(start) for name in tests)] == []
+
+
+OUTCOMES = """
+import pytest
+
+@pytest.fixture
+def broken():
+    raise ValueError
+
+@pytest.fixture
+def broken_after():
+    yield
+    raise ValueError
+
+def test_passes(): pass
+def test_fails(): assert False
+def test_set_up_fails(broken): pass
+def test_tear_down_fails(broken_after): pass
+def test_is_skipped(): pytest.skip('for a reason')
+@pytest.mark.skip(reason='for a reason')
+def test_is_never_set_up(): pass
+@pytest.mark.xfail
+def test_fails_as_expected(): assert False
+"""
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('more', [[], ['--junit-xml=found.xml']], ids=['terminal', 'file'])
+def test_workers_report_the_outcomes_of_all_phases(conftest, tmp_path, more):
+    shutil.copy(conftest.__file__, tmp_path)
+    (tmp_path / 'test_outcomes.py').write_text(OUTCOMES)
+    done = subprocess.run([sys.executable, '-m', 'pytest', '-q', '-n2', '-c', '/dev/null', '--rootdir', tmp_path,
+                           *more, tmp_path], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert '1 failed, 2 passed, 2 skipped, 1 xfailed, 2 errors' in done.stdout
+    if more:
+        cases = ElementTree.parse(tmp_path / 'found.xml').getroot().findall('.//testcase')
+        assert sorted(child.tag for case in cases for child in case) == [
+            'error', 'error', 'failure', 'skipped', 'skipped', 'skipped']

@@ -13,7 +13,7 @@ from dragon_ros.__main__ import main
 pytestmark = pytest.mark.skipif(not find_spec('distributed'), reason='distributed is not installed')
 
 GRID = """
-set: {dragon: {benches: 24}, run: {start_s: 405, stop_s: 413}}
+set: {dragon: {benches: 12}, run: {start_s: 408, stop_s: 413}}
 vary:
   dragon.width_m: {from: 0.2, to: 0.3, steps: 3}
   dragon.hole_inset_m: [0.25, 0.275]

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pool_jobs import FailsHere, KilledElsewhere, end_at_300, squares
 from processes import Forked
-from properties import thinned
+from properties import examples, thinned
 
 from dragon_ros.__main__ import main
 from dragon_ros.bags.check.compare import Comparison, compare_with_model
@@ -313,6 +313,7 @@ def test_a_check_says_the_same_with_any_number_of_workers(capsys, variant, chang
     assert json.loads(one[1])['equal'] == 3 * TICKS
 
 
+@examples(50)
 @given(st.lists(st.sampled_from([*product(range(4), 'ab', ['differs', 'is late'])]), max_size=40), st.integers(0, 40))
 def test_faults_of_two_parts_are_those_of_the_whole(ticks, cut):
     def compared(first, some):

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.flags import Effect
@@ -19,6 +20,7 @@ CHANGING = {'model/clearance', 'model/contacts', 'model/markers', 'forces', 'tra
 
 
 @pytest.mark.parametrize('markers', ['cubes', 'triangles'])
+@examples(50)
 @given(st.lists(st.sampled_from(FRAMES), min_size=1, max_size=12), st.lists(st.sampled_from(FRAMES), min_size=1))
 def test_frames_encoded_together_in_any_number_and_order_have_the_bytes_of_single_ones(markers, some, others):
     encode = encoders(replace(SCENE, markers=markers))
