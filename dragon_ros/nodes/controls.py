@@ -139,7 +139,11 @@ class Player:
     def seek(self) -> str:
         """Show the last frame at or before ``seek_s`` (negative: the first frame); a paused player stays paused."""
         seek_s = self._node.setting['seek_s']
-        self._source.seek(None if seek_s < 0 else round(seek_s * NS))
+        return self.seek_to(None if seek_s < 0 else round(seek_s * NS))
+
+    def seek_to(self, t_ns: int | None) -> str:
+        """Show the last frame at or before ``t_ns`` (None: the first). Raises DragonError if there is no frame."""
+        self._source.seek(t_ns)
         self.stopped = False
         return self._show_now(1)
 

@@ -4,12 +4,11 @@ from collections import Counter
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
-from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
 
 from dragon_ros.bags.read.frames import namespace_of
 from dragon_ros.bags.read.reader import BagReader
-from dragon_ros.core.errors import DragonError, FieldError, InputError
+from dragon_ros.core.errors import FieldError, InputError
 from dragon_ros.core.scene import NS
 from dragon_ros.core.words import counted
 from dragon_ros.nodes import keys, publisher_queue, qos, shell
@@ -120,11 +119,9 @@ class Replay(DragonNode):
             self.late_us[min(self.player.pacer.late_ns // 1000, 10**6)] += 1
 
     def _jump(self, by_s: float) -> str:
-        last_s = (self.player.pacer.last_ns or 0) / NS
-        done = self.set_parameters([RosParameter('seek_s', value=last_s + by_s)])[0]
-        if not done.successful:
-            raise DragonError(done.reason)
-        return self.player.seek()
+        """Seek relative to the current position, at most to the start or the end of the played part."""
+        t_ns = (self.player.pacer.last_ns or 0) + round(by_s * NS)
+        return self.player.seek_to(min(max(t_ns, self.source.first_ns()), self.source.last_ns()))
 
 
 def moved(topic: str, root: str | None, into: str) -> str:

@@ -47,6 +47,10 @@ class ReplaySource:
         """Return the log time of the next messages, or None at the end."""
         return self._next.t_ns if self._next and self._next.t_ns <= self._end_ns else None
 
+    def first_ns(self) -> int:
+        """Return the start time."""
+        return self._start_ns
+
     def last_ns(self) -> int:
         """Return the end time."""
         return self._end_ns
