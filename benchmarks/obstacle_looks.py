@@ -1,4 +1,4 @@
-"""What obstacles cost the monitor: a check with walls along the whole dragon, and reading a large map.
+"""Measure the cost of obstacles for the monitor: a check with walls along the whole dragon, and reading a large map.
 
 ``./dragon python benchmarks/obstacle_looks.py`` prints processor times. Checks with and without obstacles are
 measured alternately, since other load on the machine changes over time.
