@@ -67,8 +67,8 @@ class Budget:
         """A suggestion to increase the budget; empty if the budget is sufficient at the current rate."""
         if not self._whole > self.steps:
             return ''
-        begins = f'it takes about {self._takes_s:.2g} s, ' if not self.share else ''
-        return f'{begins}more than the budget: --effort {self._enough:.12g} is enough'
+        begins = 'at this rate' if self.share else f'it takes about {self._takes_s:.2g} s,'
+        return f'{begins} more than the budget: --effort {self._enough:.12g} is enough'
 
     @property
     def _whole(self) -> float:

@@ -98,7 +98,7 @@ def test_a_proof_that_takes_more_than_its_budget_says_on_its_way_which_effort_is
     budget = Budget(1000, 2.0, spent=100, since=50, share=0.1)      # 550 steps at this rate
     assert budget.advice == ''
     budget.spend(100)       # 1,550 steps, and a safety factor of 2
-    assert budget.advice == 'more than the budget: --effort 6.2 is enough'
+    assert budget.advice == 'at this rate more than the budget: --effort 6.2 is enough'
 
 
 def test_before_a_proof_starts_it_says_how_long_it_takes_if_that_is_more_than_its_budget():
