@@ -74,21 +74,21 @@ SUBSTITUTES = {
     './dragon plan --scene walled.yaml --output area.geojson': (
         'plan --scene walled.yaml --set dragon.benches=5 --set run.stop_s=5 --output area.geojson',
         'a smaller dragon and a shorter run'),
-    './dragon plot dragon --scene street --time': (
-        'plot dragon --scene street --time 60 --dpi 30 --output street.png', 'a smaller picture'),
-    './dragon plot dragon --scene square --time': (
-        'plot dragon --scene square --time 100 --dpi 30 --output square.png', 'a smaller picture'),
+    './dragon plot dragon --scene street --times 60': (
+        'plot dragon --scene street --times 60 --dpi 30 --output street.png', 'a smaller picture'),
+    './dragon plot dragon --scene square --times': (
+        'plot dragon --scene square --times 100 --dpi 30 --output square.png', 'a smaller picture'),
     './dragon plan --scene s': ('plan --help', 'like the plans above; test/commands/test_plan.py draws one of them'),
     './dragon plot animation --start': ('plot animation --start 412.3 --stop 412.5 --pace 2 --output run.html',
                                         'a shorter animation'),
     './dragon plot animation --stop': ('plot animation --start 412 --stop 412.48 --pace 2 --fps 8 --dpi 30 '
                                        '--output run.gif', 'a shorter animation'),
-    './dragon plot speeds': ('plot speeds --time 0,60 --dpi 30 --output speeds.png',
+    './dragon plot speeds': ('plot speeds --times 0,60 --dpi 30 --output speeds.png',
                              'a small picture outside docs/pictures'),
-    './dragon plot dragon --time 60,240 --dpi': ('plot dragon --time 60 --dpi 30 --output dragon.png',
-                                                 'a small picture outside docs/pictures'),
-    './dragon plot dragon --scene street --time 67': (
-        'plot dragon --scene street --time 67 --around head --dpi 30 --output around.png',
+    './dragon plot dragon --times 60,240 --dpi': ('plot dragon --times 60 --dpi 30 --output dragon.png',
+                                                  'a small picture outside docs/pictures'),
+    './dragon plot dragon --scene street --times 67': (
+        'plot dragon --scene street --times 67 --around head --dpi 30 --output around.png',
         'a small picture outside docs/pictures'),
     './dragon plot contact --dpi': ('plot contact --dpi 30 --output contact.png',
                                     'a small picture outside docs/pictures'),

@@ -42,7 +42,7 @@ def dragon_picture(source: Source, times_s: list[float], zoom: Zoom | None = Non
     InputError for times outside the source or for more panels than fit on a page.
     """
     if len(times_s) > _MOST_PANELS:
-        raise InputError(f'--time: {len(times_s)} times are given; the limit for a picture is {_MOST_PANELS}')
+        raise InputError(f'--times: {len(times_s)} times are given; the limit for a picture is {_MOST_PANELS}')
     shown, point_m = [moment(source, t_s) for t_s in times_s], contact_of(zoom, source)
     columns = min(len(shown), 2)
     rows = -(-len(shown) // columns)
