@@ -344,7 +344,11 @@ class Design:
         """
         from dragon_ros.core.search.min_pitch import min_pitch
         if not isinstance(dragon, (Dragon, Mixed, NoneType)):
-            dragon = _scene('dragon', dragon).dragon
+            scene = _scene('dragon', dragon)
+            if scene.venue is not None:
+                raise FieldError('dragon', 'a scene with a venue', 'obstacles are not taken into account',
+                                 'give its dragon: scene.dragon')
+            dragon = scene.dragon
         return min_pitch(dragon, number('diameter_m', diameter_m), number('start_turns', start_turns),
                          number('largest_m', largest_m), number('within_m', within_m, above=0.0), progress,
                          None if smallest_m is None else number('smallest_m', smallest_m))

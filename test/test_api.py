@@ -152,6 +152,7 @@ MISUSES = {
     "dr.read_bag('nowhere.mcap')": 'nowhere.mcap', "dr.design.fit('winding')": "write dr.scene('winding')",
     'dr.design.fit(run, within_m=-1)': 'within_m: -1', 'dr.design.max_speed(3)': 'scene: 3',
     "dr.design.min_pitch('x')": "dragon: 'x'", "dr.design.min_pitch(diameter_m='a')": 'diameter_m: ',
+    "dr.design.min_pitch(dr.scene('street'))": 'dragon: ',
     'dr.design.turn(run)': 'track.kind: ', "dr.study('pitch_map')": 'output: ', 'dr.study(3)': 'name_or_path: 3'}
 
 

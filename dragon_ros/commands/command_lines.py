@@ -128,8 +128,8 @@ def route(argv: list[str]) -> int:
     options.add_argument('--reverse', action='store_true', help='walk the drawing in the opposite direction')
     options.add_argument('--topic', metavar='NAME', help='topic of the nav_msgs/Path in a bag or, without '
                                                          'DRAWING, of a live path')
-    options.add_argument('--timeout', type=float, metavar='S', default=10.0,
-                         help='seconds to wait for a live path (%(default)g)')
+    options.add_argument('--timeout', type=float, metavar='S',
+                         help='seconds to wait for a live path (10)')
     options.add_argument('--frame-pose', metavar='X,Y,DEG', help="pose of the path's frame in the frame dragon: "
                          'position in metres, and angle in degrees anticlockwise')
     command_line.add_scene_options(options)

@@ -187,6 +187,8 @@ def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
     from dragon_ros.core.chain.dragon import is_even
     from dragon_ros.core.search.min_pitch import min_pitch
     scene = command_line.scene_from(arguments)
+    if scene.venue is not None:
+        raise InputError('venue: min-pitch does not take obstacles into account; omit the venue (--set venue=null)')
     if arguments.smallest is not None and is_even(scene.dragon.link_lengths_m):
         raise InputError('--smallest: all benches behind the head are equal, so no bound is needed; omit it')
     with Progress('min-pitch', 'states') as bar:

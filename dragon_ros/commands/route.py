@@ -24,7 +24,7 @@ _EASY = 2.0             # default radius of corners, as a multiple of the smalle
 _FRAME = 'dragon'
 _PATH = 'nav_msgs/msg/Path'
 _RECEIVER = 'dragon_ros.nodes.one_path'
-_LONGEST_S = 600.0
+_TIMEOUT_S, _LONGEST_S = 10.0, 600.0     # how long to wait for a live path: by default, and at most
 _MAPS = ('.geojson', '.json', '.wkt')
 _FORMATS = '.svg, .geojson, .wkt, .csv, or a bag with a nav_msgs/Path'
 
@@ -61,11 +61,12 @@ def _line(arguments: Namespace) -> DrawnLine:
     path: Path | None = arguments.drawing
     suffix = path.suffix.lower() if path else ''
     given = {f'--{name.replace("_", "-")}': getattr(arguments, name) is not None
-             for name in ('path', 'scale', 'unit', 'origin', 'topic', 'frame_pose')}
+             for name in ('path', 'scale', 'unit', 'origin', 'topic', 'timeout', 'frame_pose')}
     kinds = {'.svg': ('an SVG', {'--path', '--scale', '--unit'}), '.csv': ('a CSV file', {'--unit'}),
              '.txt': ('a CSV file', {'--unit'}),
              **dict.fromkeys(_MAPS, ('a GeoJSON or WKT file', {'--path', '--origin'}))}
-    what, takes = kinds.get(suffix, ('a nav_msgs/Path', {'--topic', '--frame-pose'}))
+    what, takes = (('a live path', {'--topic', '--timeout', '--frame-pose'}) if path is None else
+                   kinds.get(suffix, ('a nav_msgs/Path', {'--topic', '--frame-pose'})))
     command_line.check_taken(what, given, takes)
     if path is None:
         line = _live(arguments)
@@ -116,7 +117,8 @@ def _live(arguments: Namespace) -> DrawnLine:
     if arguments.topic is None:
         raise InputError(f'DRAWING: it is missing; give a drawing ({_FORMATS}), or --topic for a live path',
                          field='drawing')
-    timeout_s = number('--timeout', arguments.timeout, above=0.0, high=_LONGEST_S)
+    timeout_s = _TIMEOUT_S if arguments.timeout is None else arguments.timeout
+    number('--timeout', timeout_s, above=0.0, high=_LONGEST_S)
     done = subprocess.run([sys.executable, '-m', _RECEIVER, arguments.topic, repr(timeout_s)], capture_output=True,
                           check=False, stdin=subprocess.DEVNULL)
     if done.returncode:

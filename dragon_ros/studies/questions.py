@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 
 from dragon_ros.core.chain.dragon import AnyDragon
 from dragon_ros.core.checks import number
-from dragon_ros.core.errors import FieldError
+from dragon_ros.core.errors import FieldError, InputError
 from dragon_ros.core.geometry.near_obstacles import with_obstacles
 from dragon_ros.core.geometry.near_pairs import closeness
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of, corner_levers
@@ -161,6 +161,8 @@ class MinPitchQuestion:
     def answer(self, asked: Asked) -> Values:
         """Return the answer. ``min_pitch_m`` is the upper, safe end of the bracket."""
         dragon = asked.scene.dragon
+        if asked.scene.venue is not None:
+            raise InputError('venue: min_pitch does not take obstacles into account; omit the venue, or ask for contact')
         start_turns = asked.scene.spiral.start_turns if self.start_turns is None else self.start_turns
         try:
             found = _pitch_of(_Key(self, dragon, start_turns, asked.tell))

@@ -33,6 +33,8 @@ def test_min_pitch_takes_the_dragon_of_a_scene_and_another_circle(capsys):
 
 @pytest.mark.parametrize(('arguments', 'says'), [
     (['--smallest', '0.4'], '--smallest: all benches behind the head are equal, so no bound is needed; omit it'),
+    (['--set', 'venue={obstacles: [], inside: [[-99, -99], [99, -99], [0, 99]]}'],
+     'venue: min-pitch does not take obstacles into account; omit the venue (--set venue=null)'),
     (['--within', '1'], '--within: 1.0 is not valid: no contact was found, but pitches between 0.28125 m and ')])
 def test_min_pitch_names_an_option_that_it_cannot_use(capsys, arguments, says):
     code, out, err = run(capsys, 'min-pitch', '--set', 'dragon.benches=40', *arguments)

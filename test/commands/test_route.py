@@ -121,6 +121,7 @@ def test_files_that_are_read_are_not_overwritten(capsys, tmp_path, corner):
 
 @pytest.mark.parametrize(('arguments', 'says'), [
     (['--radius', 1], 'give at least 1.444, or use shorter benches'), (['--path', 'a'], 'CSV file does not accept it'),
+    (['--timeout', 3], '--timeout: a CSV file does not accept it; omit it'),
     (['--start', 200], 'give at most 1'), (['--tolerance', 0], '--tolerance'), (['--unit', -1], '--unit')])
 def test_options_are_checked(capsys, corner, arguments, says):
     code, out, err = run(capsys, corner, *arguments)

@@ -173,6 +173,13 @@ def test_tolerances_of_a_venue_have_the_gap_the_obstacle_and_the_first_touch():
     assert rows[2].get('contact_outer') is None
 
 
+def test_the_smallest_pitch_is_not_claimed_among_obstacles(study):
+    row = row_of(study('set: {dragon: {benches: 3}, venue: {inside: [[-99, -99], [99, -99], [0, 99]]}}\n'
+                       'vary: {track.pitch_m: [0.55]}\nask: [min_pitch]'), 0)
+    assert (row['status'], row['min_pitch_m']) == ('refused', None)
+    assert 'min_pitch does not take obstacles into account; omit the venue' in row['reason']
+
+
 def test_a_near_miss_of_an_obstacle_names_it():
     post = LineObstacle('post', ((30.0, 0.2), (30.0, -1.0)))
     bend = Composite((Line(25.0), Arc(20.0, 20.0), Line(20.0)), 20.0)

@@ -359,10 +359,11 @@ def _joined(places: list[tuple[float, float]]) -> list[tuple[float, float]]:
 def _blends(drawn: _SmoothLine, corners: list[tuple[float, float]], radius_m: float, least_m: float) -> list[_Blend]:
     """Return a blend for each corner; corners that are too close together for two blends share one."""
     while corners:
-        wide, slim = ([_reach_m(drawn, place, at_m) for place in corners] for at_m in (radius_m, least_m))
+        slim = [_reach_m(drawn, place, least_m) for place in corners]
         for place, reach in zip(corners, slim, strict=True):
             if reach is None:
                 raise _unwalkable(drawn, *place, least_m)
+        wide = [_widest_m(drawn, place, least_m, radius_m) for place in corners]
         gaps = [inf, *(after[0] - before[1] for before, after in pairwise(corners)), inf]
         shares = _shares(gaps, wide, slim)
         crowded = [k for k, share in enumerate(shares) if share is None and 0 < k < len(corners)]
@@ -399,6 +400,16 @@ def _reach_m(drawn: _SmoothLine, place: tuple[float, float], radius_m: float) ->
     if (place, radius_m) not in drawn.reaches_m:
         drawn.reaches_m[place, radius_m] = _shortest_m(drawn, place, radius_m)
     return drawn.reaches_m[place, radius_m]
+
+
+def _widest_m(drawn: _SmoothLine, place: tuple[float, float], least_m: float, radius_m: float) -> float | None:
+    """Return the reach of the biarc with a radius or, if it does not fit, with the largest smaller radius that fits."""
+    if (reach_m := _reach_m(drawn, place, radius_m)) is not None:
+        return reach_m
+    while radius_m - least_m > _CLOSE * radius_m:
+        middle_m = 0.5 * (least_m + radius_m)
+        least_m, radius_m = (least_m, middle_m) if _reach_m(drawn, place, middle_m) is None else (middle_m, radius_m)
+    return _reach_m(drawn, place, least_m)
 
 
 def _shortest_m(drawn: _SmoothLine, place: tuple[float, float], radius_m: float) -> float | None:

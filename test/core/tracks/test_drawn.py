@@ -227,3 +227,9 @@ def test_a_line_lets_the_body_in_only_where_the_drawing_begins_with_a_bend(back,
     line, bend = np.array([0j, 20 + 0j]), EllipseArc(20 + 8j, (8 + 0j, 8j), -pi / 2, pi / 2)
     bent_back = EllipseArc(20 + 8j, (8 + 0j, 8j), 0.0, -pi / 2)
     assert routed(*((bent_back, line[::-1]) if back else (line, bend))).lead_in_m == lead_in_m
+
+
+@pytest.mark.parametrize('radius_m', [9.0, 10.5, 100.0])
+def test_a_corner_has_the_largest_radius_that_fits_its_legs(radius_m):
+    (change,) = routed(points((0, 0), (10, 0), (10, 10)), radius_m=radius_m).changes
+    assert change.radius_m == pytest.approx(min(radius_m, 10.0), abs=1e-4)
