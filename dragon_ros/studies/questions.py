@@ -162,7 +162,7 @@ class MinPitchQuestion:
         """Return the answer. ``min_pitch_m`` is the upper, safe end of the bracket."""
         dragon = asked.scene.dragon
         if asked.scene.venue is not None:
-            raise InputError('venue: min_pitch does not take obstacles into account; omit the venue, or ask for contact')
+            raise InputError('venue: min_pitch does not take obstacles into account; omit the venue or ask for contact')
         start_turns = asked.scene.spiral.start_turns if self.start_turns is None else self.start_turns
         try:
             found = _pitch_of(_Key(self, dragon, start_turns, asked.tell))
