@@ -216,13 +216,19 @@ class Recorder(DragonNode):
         row = self.losses.topics.get(self._names[_REPORT])
         return 0 if row and row.shared else self._first_word.missing
 
+    def _whole(self, gone: bool) -> str:
+        """Return the part of the summary that states whether anything is missing."""
+        if not self._is_complete(gone):
+            return 'NOT COMPLETE'
+        if self.losses.is_uncertain:
+            return 'it is unknown whether anything is missing'
+        return 'no tick is missing' if self._first_missing else 'nothing is missing'
+
     def _log_summary(self, gone: bool) -> None:
         writer, log = self.writer, self.get_logger()
         topics = sum(count > 0 for count in self.bag.counts.values())
-        whole = 'no tick is missing' if self._first_missing else 'nothing is missing'
-        whole = whole if self._is_complete(gone) else 'NOT COMPLETE'
-        log.info(f'{self.bag.path}: {counted(self.bag.kept, "message")} on {counted(topics, "topic")}, {whole}; the '
-                 f'queue was at most {writer.fullest:.1%} full, and the longest write took '
+        log.info(f'{self.bag.path}: {counted(self.bag.kept, "message")} on {counted(topics, "topic")}, '
+                 f'{self._whole(gone)}; the queue was at most {writer.fullest:.1%} full, and the longest write took '
                  f'{writer.slowest_write_s:.3f} s')
         for lack in self.losses.lines(gone):
             log.warning(lack)

@@ -271,8 +271,10 @@ def test_of_a_topic_that_two_publish_nobody_says_what_is_missing_and_both_are_na
     assert (warned()[0].name, warned()[0].level) == ('dragon: record: publishers', b'\x01')
     record.stop()
     assert 'several publishers on one topic: /dragon/handles: /dragon/observer and /dragon/stranger' in record.text
-    assert 'missing messages cannot be counted' in record.text
-    assert received(tmp_path / 'a.mcap')['dragon_ros.received']['/dragon/handles lost'] == 'unknown: several publishers'
+    assert 'handles: there are several publishers, so missing messages cannot be counted' in record.text
+    assert ', it is unknown whether anything is missing; the queue' in record.text
+    told = received(tmp_path / 'a.mcap')['dragon_ros.received']
+    assert (told['complete'], told['/dragon/handles lost']) == ('unknown', 'unknown: several publishers')
 
 
 def test_numbers_of_several_publishers_of_diagnostics_are_no_losses(start, node, other_node, tmp_path):

@@ -15,7 +15,7 @@ from dragon_ros.bags.record import interval_set
 from dragon_ros.bags.record.interval_set import Interval, IntervalSet
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.words import counted
-from dragon_ros.messages.channels import channel_of, live
+from dragon_ros.messages.channels import channel_of, channels, live
 
 RECEIVED = 'dragon_ros.received'     # name of the metadata record that contains the account
 _MOST_STEPS = 1000
@@ -178,13 +178,19 @@ class LossAccount:
         return not (self.missing(ended) or self.beginnings() or self.unheard() or lost)
 
     @property
+    def is_uncertain(self) -> bool:
+        """Whether losses may be unnoticed because a topic of the dragon has had several simultaneous publishers."""
+        return any(row.shared and topic not in channels() for topic, row in self.topics.items())
+
+    @property
     def received(self) -> int:
         """The number of messages received on all topics."""
         return sum(row.received for row in self.topics.values())
 
     def report(self, ended: bool) -> dict[str, str]:
         """Return the whole account as a metadata record."""
-        out, missing = {'complete': str(self.complete(ended)).lower(), 'spacing': self.spacing()}, self.missing(ended)
+        complete = ('unknown' if self.is_uncertain else 'true') if self.complete(ended) else 'false'
+        out, missing = {'complete': complete, 'spacing': self.spacing()}, self.missing(ended)
         beginnings = self.beginnings()
         out |= {f'{topic} received': '0' for topic in self.unheard()}
         for topic, row in self.topics.items():
