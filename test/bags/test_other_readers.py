@@ -15,7 +15,7 @@ from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.provenance import ATTACHMENT, RECORD, run_metadata, scene_file
 
-SCENE, SMALL = (Scene(dragon, run=Run(412, 412.2)) for dragon in (Dragon(), Dragon(20)))
+SCENE, SMALL = (Scene(dragon, run=Run(412, 412.2)) for dragon in (Dragon(60), Dragon(20)))
 FORMS = [('run.mcap', {}, SCENE), pytest.param(('run', {}, SMALL), marks=pytest.mark.long),
          ('run', {'split_duration_s': 0.1}, SMALL), ('run.mcap', {'compression': 'lz4'}, SMALL),
          pytest.param(('run', {'compression': 'none'}, SMALL), marks=pytest.mark.long)]
