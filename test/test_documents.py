@@ -280,6 +280,18 @@ def headings(path):
     return [re.sub(r'[^\w\- ]', '', line.lower()).replace(' ', '-') for line in lines]
 
 
+def test_every_module_that_a_document_names_exists():
+    """A name such as `geometry/near_pairs.py` may omit the folders above it."""
+    folders = ('benchmarks', 'docs', 'dragon_ros', 'hard_cases', 'launch', 'msg_configs', 'test')
+    files = ['setup.py', *(path.relative_to(ROOT).as_posix() for folder in folders
+                           for path in (ROOT / folder).rglob('*.py'))]
+    ends = {name.split('/', n)[-1] for name in files for n in range(name.count('/') + 1)}
+    named = [(path.name, name) for path in DOCUMENTS
+             for name in re.findall(r'`([\w/]+\.py)\b[^`]*`', path.read_text())]
+    assert len(named) > 100
+    assert [one for one in named if one[1] not in ends] == []
+
+
 def test_every_document_can_be_reached_from_the_readme():
     reached, ahead = set(), [ROOT / 'README.md']
     while ahead:
