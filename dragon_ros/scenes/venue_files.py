@@ -15,6 +15,7 @@ from dragon_ros.core.limits import VENUE_BYTES
 from dragon_ros.core.venue import INSIDE
 
 _DEGREES = ('OGC:1.3:CRS84', 'OGC::CRS84', 'EPSG::4326', 'EPSG:4326', 'CRS84')
+_FAR_M = 100_000.0      # at this distance from the origin, the projection stretches lengths by 0.012 %
 _SHOWN = {'Point': 'draw it as a small polygon', 'MultiPoint': 'draw each as a small polygon'}
 
 
@@ -253,6 +254,11 @@ def _projected(path: Path, features: tuple[Feature, ...], crs: str,
         raise InputError(f'{path}: crs: {shown(crs)} cannot be projected: {str(error)[:160]}') from None
     if not all(np.all(np.isfinite(get_coordinates(one.geometry))) for one in moved):
         raise FieldError(f'{path}', crs, 'a coordinate lies outside this reference system', 'check the crs of the file')
+    far_m = max(float(np.max(np.abs(get_coordinates(one.geometry)), initial=0.0)) for one in moved)
+    if far_m > _FAR_M:
+        raise InputError(f'{path}: it reaches {far_m / 1000:.4g} km from its origin ({lon:g}, {lat:g}), and lengths are '
+                         f'accurate only up to {_FAR_M / 1000:g} km; give an origin near the drawing, or a smaller part '
+                         'of the map')
     return Drawing(moved, (lon, lat))
 
 

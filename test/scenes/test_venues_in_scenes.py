@@ -116,6 +116,15 @@ def test_geojson_in_metres_has_names_holes_parts_and_the_inside(tmp_path):
     assert load_scene(str(tmp_path / 'scene.yaml'), ['venue.margin_m=1']).venue.margin_m == 1.0
 
 
+@pytest.mark.parametrize(('lon', 'origin_deg'), [(113.1, (0.0, 0.0)), (113.1, (114.3, 23.0)), (180.0, None)])
+def test_degrees_far_from_their_origin_are_rejected_since_the_projection_stretches_them(tmp_path, lon, origin_deg):
+    pytest.importorskip('pyproj')
+    east = lon + 0.001 if lon < 180 else -179.999
+    path = written(tmp_path, {'type': 'LineString', 'coordinates': [[lon, 23.0], [east, 23.0], [east, 23.001]]})
+    with pytest.raises(InputError, match=r'it reaches \S+ km from its origin .* only up to 100 km; give an origin near'):
+        read_drawing(path, origin_deg)
+
+
 def test_wkt_has_a_geometry_a_line_with_its_name(tmp_path):
     text = '# a street\nwall: LINESTRING (0 3, 50 3)\n\nPOLYGON ((30 5, 34 5, 34 9, 30 5))\n'
     path = written(tmp_path, text, 'v.wkt')
