@@ -256,9 +256,9 @@ def _projected(path: Path, features: tuple[Feature, ...], crs: str,
         raise FieldError(f'{path}', crs, 'a coordinate lies outside this reference system', 'check the crs of the file')
     far_m = max(float(np.max(np.abs(get_coordinates(one.geometry)), initial=0.0)) for one in moved)
     if far_m > _FAR_M:
-        raise InputError(f'{path}: it reaches {far_m / 1000:.4g} km from its origin ({lon:g}, {lat:g}), and lengths are '
-                         f'accurate only up to {_FAR_M / 1000:g} km; give an origin near the drawing, or a smaller part '
-                         'of the map')
+        raise InputError(f'{path}: it reaches {far_m / 1000:.4g} km from its origin ({lon:g}, {lat:g}), and lengths '
+                         f'are accurate only up to {_FAR_M / 1000:g} km; give an origin near the drawing, or a smaller '
+                         'part of the map')
     return Drawing(moved, (lon, lat))
 
 

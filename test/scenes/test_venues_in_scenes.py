@@ -121,7 +121,7 @@ def test_degrees_far_from_their_origin_are_rejected_since_the_projection_stretch
     pytest.importorskip('pyproj')
     east = lon + 0.001 if lon < 180 else -179.999
     path = written(tmp_path, {'type': 'LineString', 'coordinates': [[lon, 23.0], [east, 23.0], [east, 23.001]]})
-    with pytest.raises(InputError, match=r'it reaches \S+ km from its origin .* only up to 100 km; give an origin near'):
+    with pytest.raises(InputError, match=r'it reaches \S+ km from its origin .* only up to 100 km; give an origin'):
         read_drawing(path, origin_deg)
 
 
