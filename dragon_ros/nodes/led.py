@@ -31,7 +31,7 @@ class Commands:
         """Subscribe to geometry_msgs/TwistStamped or to Twist, which many tools still send."""
         self.taken, self.dropped = 0, Counter[str]()
         self._node, self._timeout_s = node, timeout_s
-        self._speed_m_s, self._until_s, self._stamp_ns = 0.0, 0.0, 0
+        self._speed_m_s, self._until_s, self._stamp_ns, self._now_ns = 0.0, 0.0, 0, 0
         self._type, self._named = _KINDS[stamped], set[str]()
         node.create_timer(_LOOK_S, self._look, clock=STEADY)
         node.create_subscription(TwistStamped if stamped else Twist, TOPIC,
@@ -60,9 +60,15 @@ class Commands:
         return f'commands: {self.taken} accepted, {self.dropped.total()} dropped' + (f' ({why})' if why else '')
 
     def _on_stamped(self, message: TwistStamped) -> None:
-        """Accept a command if its stamp is 0, or if it is current and not older than the last command's stamp."""
+        """Accept a command if its stamp is 0, or if it is current and not older than the last command's stamp.
+
+        The last command's stamp is forgotten if the clock was set back, as by a reset of a sim that leads the clock.
+        """
         stamp_ns = message.header.stamp.sec * NS + message.header.stamp.nanosec
-        off_s = (self._node.get_clock().now().nanoseconds - stamp_ns) / NS
+        before_ns, self._now_ns = self._now_ns, self._node.get_clock().now().nanoseconds
+        if self._now_ns < before_ns:
+            self._stamp_ns = 0
+        off_s = (self._now_ns - stamp_ns) / NS
         if stamp_ns and (abs(off_s) > self._timeout_s or stamp_ns < self._stamp_ns):
             self._drop('stale', f'its stamp is {off_s:.3f} s behind the clock of this node')
             return

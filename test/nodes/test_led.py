@@ -142,3 +142,32 @@ def test_a_command_of_the_other_type_gets_a_word_with_its_cure(start, node):
     sim.wait_for('/dragon/cmd_vel: /dragon/observer publishes geometry_msgs/msg/Twist, but this sim accepts only '
                  'geometry_msgs/msg/TwistStamped; start')
     assert 'cmd_vel_stamped:=false' in sim.text
+
+
+def test_commands_are_accepted_again_after_the_clock_was_set_back(node):
+    from geometry_msgs.msg import TwistStamped
+    from rclpy.parameter import Parameter
+    from rosgraph_msgs.msg import Clock
+
+    from dragon_ros.nodes.led import Commands
+    node.set_parameters([Parameter('use_sim_time', value=True)])
+    commands, times, out = (Commands(node, 0.5, stamped=True), node.create_publisher(Clock, '/clock', 1),
+                            node.create_publisher(TwistStamped, 'cmd_vel', 10))
+
+    def say(t_ns, stamp_ns):
+        """Set the clock, and send a command."""
+        now, message = Clock(), TwistStamped()
+        for stamp, value in (now.clock, t_ns), (message.header.stamp, stamp_ns):
+            stamp.sec, stamp.nanosec = divmod(value, NS)
+        node.until(lambda: times.publish(now) or node.get_clock().now().nanoseconds == t_ns)
+        before = commands.taken + commands.dropped.total()
+        out.publish(message)
+        node.until(lambda: commands.taken + commands.dropped.total() == before + 1)
+
+    for t_s in (10, 20, 5):     # as after a reset of a sim that leads the clock
+        say(t_s * NS, t_s * NS)
+    assert (commands.taken, commands.dropped.total()) == (3, 0)
+    say(5 * NS, 5 * NS - 1)     # older than the last command
+    say(5 * NS, 6 * NS)
+    say(5 * NS + 1, 5 * NS)
+    assert (commands.taken, dict(commands.dropped)) == (4, {'stale': 2})
