@@ -63,10 +63,14 @@ def _run(arguments: Namespace) -> int:
     found = answers.summary(data)
     command_line.write_output(None, json.dumps(found) if arguments.format == 'json' else answers.text(found))
     if arguments.plot:
-        from dragon_ros.commands.plot.study import pictures
+        from dragon_ros.commands.plot.study import NEEDED, pictures
+        drawn = False
         for name, figure in pictures(data):
+            drawn = True
             for path in figures.save(figure, folder / name, f'study {figures.short(folder.name)}'):
                 command_line.write_output(None, str(path))
+        if not drawn:
+            print(f'study: nothing is drawn: {NEEDED}', file=sys.stderr)
     return code
 
 

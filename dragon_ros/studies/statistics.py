@@ -13,6 +13,7 @@ from dragon_ros.core.numerics.types import Floats
 from dragon_ros.studies.study import Study
 
 CONFIDENCE = 0.95
+FEWEST_POINTS = 16      # smallest number of base points for Sobol indices; fewer points vary too little by bootstrap
 _RESAMPLES = 999
 _NORMAL_FROM = 20       # smallest number of rows for which a standard deviation is estimated
 _MOST_TESTED = 5000     # largest number of tested values: for more values, the test's p-values are inaccurate
@@ -98,6 +99,9 @@ def indices(study: Study, values: Floats) -> list[Indices]:
     """
     if study.design != 'saltelli':
         raise FieldError('design', study.design, 'Sobol indices need paired rows', 'write design: saltelli')
+    if study.samples < FEWEST_POINTS:
+        raise FieldError('samples', study.samples, f'Sobol indices and their intervals need at least {FEWEST_POINTS} '
+                         'base points', 'give more --samples')
     missing = int(np.sum(np.isnan(values)))
     if missing or values.size < study.rows:
         raise FieldError('rows', missing or values.size, 'each row must have the answer',

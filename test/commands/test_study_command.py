@@ -1,5 +1,6 @@
 """``study`` computes, continues, summarises and plots studies, and reports mistakes in one line."""
 import json
+import re
 import subprocess
 import sys
 from importlib.util import find_spec
@@ -111,6 +112,17 @@ def test_a_map_shows_the_first_values_of_other_keys_that_have_answers_and_names_
     assert [one.get_text() for one in above.get_yticklabels()] == ['exact', 'fine']
     assert np.all(np.isfinite(above.collections[0].get_array()))
     assert below.get_title(loc='left') == 'which benches touch first'
+
+
+@pytest.mark.parametrize('text', [
+    RANDOM.replace('DESIGN', 'saltelli').replace('samples: 16', 'samples: 8'),
+    pytest.param(RANDOM.replace('DESIGN', 'random').replace('samples: 16', 'samples: 7'), marks=pytest.mark.long)])
+def test_too_few_rows_for_a_picture_are_said(computed, capsys, text):
+    folder = computed(text)
+    assert main(['study', 'data', '--plot']) == 0
+    assert re.search('study: nothing is drawn: .* a distribution 8 such rows, and Sobol indices all rows of 16 or more',
+                     capsys.readouterr().err)
+    assert drawn(folder) == []
 
 
 @pytest.mark.skipif(not Path('/dev/full').exists(), reason='the system has no /dev/full')

@@ -81,6 +81,9 @@ def test_indices_take_every_row_and_their_own_design(study):
     with pytest.raises(FieldError, match='write design: saltelli'):
         statistics.indices(study(), np.zeros(12))
     assert statistics.indices(one, np.ones(one.rows))[0].first.value == 0
+    few = one.with_samples(8)
+    with pytest.raises(FieldError, match='samples: 8 is not valid: .* at least 16 base points; give more --samples'):
+        statistics.indices(few, np.arange(few.rows, dtype=np.float64))
 
 
 @pytest.mark.parametrize(('values', 'may_be'), [

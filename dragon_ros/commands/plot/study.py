@@ -22,6 +22,7 @@ from dragon_ros.studies.answers import SAFE, main_answers, numbers
 from dragon_ros.studies.dataset import DataSet
 from dragon_ros.studies.sampling import levels_of
 from dragon_ros.studies.statistics import (
+    FEWEST_POINTS,
     distribution,
     indices,
     may_be_normal,
@@ -34,6 +35,8 @@ from dragon_ros.studies.study import Listed
 
 _UNITS = {'_m': 'm', '_s': 's', '_m_s': 'm/s', '_m_s2': 'm/s²', '_rad': 'rad', '_deg': '°'}
 _FEW = 8            # smallest number of rows for a distribution
+NEEDED = (f'a grid needs a key with several values and a row with an answer, a distribution {_FEW} such rows, and '
+          f'Sobol indices all rows of {FEWEST_POINTS} or more samples')
 _CONTOURS = 12
 _MOST_PAIRS = 12    # largest number of pairs of benches that colours can distinguish
 _EDGE = '#444444'   # outlines white lines and letters, which would be invisible on the light colours of a map
@@ -226,7 +229,7 @@ def _what_matters(data: DataSet, values: Floats, name: str) -> Iterator[tuple[st
     """Yield a figure of the Sobol indices of each input if all rows have the answer."""
     try:
         found = indices(data.study, values)
-    except FieldError:      # rows are missing or rejected, and the summary counts them
+    except FieldError:      # rows are missing, rejected or too few, and the summary counts them
         return
     figure = Figure(figsize=(8.4, 1.6 + 0.7 * len(found)))
     axes = figure.subplots()
@@ -239,6 +242,6 @@ def _what_matters(data: DataSet, values: Floats, name: str) -> Iterator[tuple[st
                   error_kw={'elinewidth': 1, 'ecolor': QUIET})
     axes.set_yticks(at, [_label(one.key) for one in found])
     axes.set(xlabel='share of the variance (Sobol index, 95 % interval)', xlim=(min(0.0, axes.get_xlim()[0]), None))
-    legend_below(axes)
+    figure.legend(loc='outside lower center', ncols=2)      # below the axis label, however few bars there are
     axes.set_title(f'{data.folder.name}: what {_label(name)} depends on, {_rows_text(data, values.size)}')
     yield name, figure
