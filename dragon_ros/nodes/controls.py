@@ -19,6 +19,7 @@ from dragon_ros.nodes.pacer import Pacer
 STANDARD = 'simulation_interfaces'      # package of the standard services; they are offered if it is installed
 _POLL_NS = 20_000_000       # interval between checks of whether playback may start
 _SLICE_S = 0.005            # maximum time of playback before other callbacks run
+_AGAIN_NS = 1_000_000_000   # interval between repetitions of a single frame
 _PROGRESS_S = 1.0               # interval between progress messages
 
 
@@ -259,7 +260,7 @@ class Player:
         if at_end == 'loop':
             self._source.rewind()
             self.pacer.rest()
-            return 0
+            return _AGAIN_NS if self.pacer.scale and self._source.next_ns() == self.pacer.last_ns else 0
         self.paused, self.done = at_end == 'hold', at_end == 'stop'
         self._log_end(': holding until a signal, reset or seek' if self.paused else '')
         return None

@@ -153,6 +153,18 @@ def test_replay_publishes_the_time_of_the_bag_on_request(start, node, recorded):
     assert replay.stop() == 0, replay.text
 
 
+def test_a_single_message_is_repeated_every_second(start, node, recorded):
+    from std_msgs.msg import String
+
+    from dragon_ros.nodes import qos
+    sent_ns = []
+    node.create_subscription(String, 'scene', lambda data, info: sent_ns.append(info['source_timestamp']),
+                             qos.of_channel(channels()['scene']), raw=True)
+    start('replay', recorded, '--topics', '/dragon/scene', '--loop', '--wait-subscribers', '/dragon/scene=1')
+    node.until(lambda: len(sent_ns) >= 2)
+    assert sent_ns[1] - sent_ns[0] > 0.9 * NS       # a busy machine only makes this longer
+
+
 @pytest.mark.parametrize(('options', 'says'), [(['--end', '-1'], '--end'), (['--rate', '2e6'], '--rate')])
 def test_replay_options_that_do_not_fit_are_refused(start, recorded, options, says):
     process = start('replay', recorded, *options)
