@@ -31,3 +31,20 @@ def stopped_by_signals() -> Iterator[Event]:
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)
+
+
+@contextmanager
+def interrupts_blocked() -> Iterator[None]:
+    """Block SIGINT in threads and processes started inside this block; in this thread, the signal stays pending.
+
+    A terminal sends SIGINT to all processes, but only this process should react, by stopping the workers; otherwise,
+    every worker would print a traceback. The resource tracker of multiprocessing is started beforehand, because
+    starting it would unblock the signal.
+    """
+    from multiprocessing import resource_tracker  # only commands with workers need it
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

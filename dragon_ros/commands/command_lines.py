@@ -23,8 +23,8 @@ def table(argv: list[str]) -> int:
                          help="the paper's three tables: printed, reproduced and true values, and errors "
                          '(incompatible with scene options)')
     options.add_argument('--contest', type=Path, metavar='FOLDER',
-                         help='write result1 and result2 of the contest and, for the scene turning, result4 '
-                         '(incompatible with --times)')
+                         help='write the files of the contest: result1 and result2 of the given scene, and result4 of '
+                         'the scene turning (incompatible with --times)')
     command_line.add_output_options(options, ('text', 'csv', 'json', 'xlsx'))
     add_lang_option(options, '--paper and --contest')
     arguments = options.parse_args(argv)

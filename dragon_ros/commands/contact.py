@@ -53,6 +53,8 @@ def main(argv: list[str]) -> int:
 def _check(arguments: Namespace) -> None:
     """Reject options that would be ignored."""
     if arguments.verify is not None:
+        if arguments.output is not None and arguments.format != 'text':
+            raise InputError(f'--output {arguments.output}: --verify writes only text; give a name that ends in .txt')
         given = {f'--{name}': getattr(arguments, name.replace('-', '_')) is not None
                  for name in ('accuracy', 'namespace', 'near-misses', 'certificate')}
         given['--within'] = bool(arguments.within)

@@ -7,14 +7,12 @@ computes its batch again; if a batch kills several workers in a row, its rows ar
 import asyncio
 import logging
 import os
-import signal
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from multiprocessing import resource_tracker
 from pathlib import Path
 from platform import python_version
 from queue import Empty, Queue
@@ -30,6 +28,7 @@ import pyarrow
 from distributed import Client, Future, KilledWorker, LocalCluster
 from tornado.ioloop import IOLoop
 
+from dragon_ros.cli.signals import interrupts_blocked
 from dragon_ros.core.errors import DragonError, InputError, MissingError
 from dragon_ros.studies.dataset import BLOCK, DataSet, part_of
 from dragon_ros.studies.rows import FAILED, OK, STATUSES, columns_of, parsed, rows_of
@@ -121,7 +120,7 @@ def local_client(workers: int | None) -> Iterator[Client]:
             ExitStack() as opened:
         loop, end = _running_loop()
         opened.callback(end)
-        with _deaf_to_ctrl_c():
+        with interrupts_blocked():
             try:
                 cluster = LocalCluster(n_workers=workers or os.cpu_count(), threads_per_worker=1, processes=True,
                                        host='127.0.0.1', security=True, dashboard_address=None,
@@ -149,7 +148,7 @@ def _running_loop() -> tuple[IOLoop, Callable[[], None]]:
         await over.wait()
 
     thread = Thread(target=lambda: asyncio.run(serve()), name='dask', daemon=True)
-    with _deaf_to_ctrl_c():
+    with interrupts_blocked():
         thread.start()
     try:
         loop, over = ready.get(timeout=_START_S)
@@ -161,22 +160,6 @@ def _running_loop() -> tuple[IOLoop, Callable[[], None]]:
         loop.add_callback(over.set)
         thread.join(_CONNECT_S)
     return loop, end
-
-
-@contextmanager
-def _deaf_to_ctrl_c() -> Iterator[None]:
-    """Block SIGINT in threads and processes started inside this block; in this thread, the signal stays pending.
-
-    A terminal sends SIGINT to all processes, but only this process should react, by stopping the workers; otherwise,
-    every worker would print a traceback. The resource tracker of multiprocessing is started beforehand, because
-    starting it would unblock the signal.
-    """
-    resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager

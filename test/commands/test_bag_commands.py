@@ -553,6 +553,8 @@ def test_a_table_of_a_bag_is_the_table_of_its_scene(capsys, bag):
     (['inspect', CORPUS / 'good_none.mcap', '--check', '--looks', '3'], '--looks: --check does not accept it'),
     (['inspect', CORPUS / 'good_none.mcap', '--repair', 'a.mcap', '--check'], '--check: --repair does not accept it'),
     (['contact', CORPUS / 'good_none.mcap', '--verify', 'a.json'], 'BAG: --verify does not accept it'),
+    (['contact', '--verify', 'a.json', '--output', 'b.json'],
+     '--output b.json: --verify writes only text; give a name that ends in .txt'),
     (['contact', '--near-misses', '-1'], '--near-misses: -1.0 is not valid: it must exceed 0'),
     (['contact', '--certificate', 'a.json', '--output', './a.json'],
      '--output a.json: the certificate is written to this file; give another file'),

@@ -4,7 +4,12 @@ import json
 import os
 import re
 import signal
+import subprocess
+import sys
 import zipfile
+from contextlib import suppress
+from pathlib import Path
+from threading import Event
 
 import numpy as np
 import pytest
@@ -22,6 +27,7 @@ from dragon_ros.commands.grade.truth import truth_at
 from dragon_ros.core import limits
 from dragon_ros.core.errors import InputError
 
+ROOT = Path(__file__).parents[2]
 NAMES = handle_names(223)
 TIMES = np.array([0.0, 60.0, 120.0, 240.0, 300.0])
 STATE = truth_at('result1', TIMES)
@@ -283,7 +289,6 @@ def test_a_report_is_one_file_that_loads_nothing_and_escapes_names(room, tmp_pat
 
 @pytest.mark.long       # the next test, which also starts a pool, compares the grades of the teams that are done
 def test_a_pool_of_processes_gives_what_one_does_and_an_interruption_keeps_what_is_done(room):
-    from threading import Event
     teams = teams_of([room])
     together, complete = grade_all(teams, Event(), lambda: None)
     assert complete
@@ -308,6 +313,22 @@ def test_ctrl_c_writes_the_report_of_the_teams_that_are_done(room, tmp_path, cap
     names = {team['team'] for team in done}
     alone = [grade_team(team) for team in teams_of([room]) if team.name in names]
     assert done == json.loads(json_text(alone))['teams']
+
+
+def test_ctrl_c_while_processes_start_prints_no_traceback(room):
+    psutil = pytest.importorskip('psutil')
+    process = subprocess.Popen([sys.executable, '-m', 'dragon_ros', 'grade', str(room)], text=True, cwd=ROOT,
+                               start_new_session=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE)
+
+    def has_worker():
+        with suppress(psutil.Error):        # a process may end while it is examined
+            return any('spawn_main' in word for one in psutil.Process(process.pid).children() for word in one.cmdline())
+
+    while process.poll() is None and not has_worker():
+        Event().wait(0.002)
+    os.killpg(process.pid, signal.SIGINT)       # sent to all processes, as by a terminal
+    _, err = process.communicate(timeout=60)
+    assert (process.returncode, 'Traceback' in err) == (1, False), err
 
 
 def test_formats_by_suffix(room, tmp_path, capsys):

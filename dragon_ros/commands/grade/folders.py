@@ -1,6 +1,5 @@
 """Assign workbooks to teams, and grade all teams on all cores."""
 import re
-import signal
 from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -9,6 +8,7 @@ from os import cpu_count, walk
 from pathlib import Path
 from threading import Event
 
+from dragon_ros.cli.signals import interrupts_blocked
 from dragon_ros.commands.grade.team import Team, TeamGrade, grade_team
 from dragon_ros.core.errors import InputError, MissingError
 from dragon_ros.core.limits import GRADED_BOOKS
@@ -115,8 +115,9 @@ def _in_processes(teams: list[Team], grades: dict[int, TeamGrade], stop: Event, 
 def _run(teams: list[Team], numbers: list[int], workers: int, grades: dict[int, TeamGrade], stop: Event,
          done: Callable[[], object]) -> bool:
     """Grade teams in processes; return False if a process has died."""
-    with ProcessPoolExecutor(workers, get_context('spawn'), initializer=_ignore_interrupts) as pool:
-        waiting: dict[Future[TeamGrade], int] = {pool.submit(grade_team, teams[n]): n for n in numbers}
+    with ProcessPoolExecutor(workers, get_context('spawn')) as pool:
+        with interrupts_blocked():      # the first jobs start the processes
+            waiting: dict[Future[TeamGrade], int] = {pool.submit(grade_team, teams[n]): n for n in numbers}
         while waiting and not stop.is_set():
             for future in wait(waiting, _AT_ONCE_S, FIRST_COMPLETED).done:
                 try:
@@ -127,8 +128,3 @@ def _run(teams: list[Team], numbers: list[int], workers: int, grades: dict[int, 
                 done()
         pool.shutdown(wait=True, cancel_futures=True)
     return True
-
-
-def _ignore_interrupts() -> None:
-    """Ignore Ctrl-C, which the parent process handles."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
