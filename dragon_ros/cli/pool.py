@@ -205,8 +205,13 @@ def _end_together(pool: Any) -> None:
 
 
 def _end(pool: Any, watch: threading.Thread) -> None:
-    """Shut down a pool and wait for its threads; ``watch`` runs ``_end_together``."""
+    """End a pool's processes and wait for its threads; ``watch`` runs ``_end_together``.
+
+    No more results are needed, so no process may first complete its imports or its job.
+    """
     manager = pool._executor_manager_thread
+    for one in pool._processes.values():
+        one.kill()
     pool.shutdown(wait=False, cancel_futures=True)      # wait=True would close the pipe that ``watch`` closes
     watch.join()
     manager.join()

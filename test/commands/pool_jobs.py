@@ -46,3 +46,24 @@ class FailsHere:
             failed.touch()
             raise DragonError(f'job {job}: no')
         return job
+
+
+class InterruptedHere:
+    """Is interrupted in the process that created it once another process has begun a job that takes half a minute."""
+
+    def __init__(self, folder):
+        self.folder, self.process = folder, os.getpid()
+
+    def __call__(self, job):
+        begun = self.folder / 'begun'
+        if os.getpid() != self.process:
+            begun.touch()
+            time.sleep(30)
+            (self.folder / 'done').touch()
+            return job
+        until = time.monotonic() + 0.5
+        while not begun.exists() and time.monotonic() < until:
+            time.sleep(0.001)
+        if begun.exists():
+            raise KeyboardInterrupt
+        return job

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pool_jobs import FailsHere, KilledElsewhere, end_at_300, squares
+from pool_jobs import FailsHere, InterruptedHere, KilledElsewhere, end_at_300, squares
 from processes import Forked
 from properties import examples, thinned
 
@@ -55,6 +55,13 @@ def test_an_error_of_a_job_in_this_process_comes_after_the_results_of_earlier_jo
         results.extend(Pool(2).in_order(FailsHere(tmp_path), range(10**6)))
     assert results == list(range(len(results)))
     assert str(failed.value) == f'job {len(results)}: no'
+
+
+def test_an_interrupt_does_not_wait_for_the_jobs_of_other_processes(tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        list(Pool(2).in_order(InterruptedHere(tmp_path), range(10**6)))
+    assert (tmp_path / 'begun').exists()
+    assert not (tmp_path / 'done').exists()
 
 
 def test_a_killed_process_is_said():
