@@ -333,11 +333,12 @@ class Design:
 
     @staticmethod
     def min_pitch(dragon: Scene | Simulated | AnyDragon | None = None, *, diameter_m: float = 9.0,
-                  start_turns: float = 16.0, largest_m: float = 1.0, within_m: float = 4e-11,
+                  start_turns: float | None = None, largest_m: float = 1.0, within_m: float = 4e-11,
                   smallest_m: float | None = None, progress: Progress = _quiet) -> 'MinPitch':
         """Return the smallest pitch such that the head reaches a circle without contact at this and all larger pitches.
 
         Pitches up to ``largest_m`` are considered. ``dragon`` is a dragon or a scene; None means the classic dragon.
+        The head starts ``start_turns`` turns from the centre: by default, as in the scene, or 16 without a scene.
         The bounds of the result are at most ``within_m`` apart. For mixed benches, ``smallest_m`` must be given, a
         pitch at which benches touch (it is ignored for equal benches), and ``proved`` is false if contacts may occur at
         pitches above the bracket. Raises FieldError.
@@ -349,7 +350,9 @@ class Design:
                 raise FieldError('dragon', 'a scene with a venue', 'obstacles are not taken into account',
                                  'give its dragon: scene.dragon')
             dragon = scene.dragon
-        return min_pitch(dragon, number('diameter_m', diameter_m), number('start_turns', start_turns),
+            start_turns = scene.spiral.start_turns if start_turns is None else start_turns
+        start_turns = 16.0 if start_turns is None else number('start_turns', start_turns)
+        return min_pitch(dragon, number('diameter_m', diameter_m), start_turns,
                          number('largest_m', largest_m), number('within_m', within_m, above=0.0), progress,
                          None if smallest_m is None else number('smallest_m', smallest_m))
 

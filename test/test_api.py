@@ -199,6 +199,16 @@ def test_the_speed_of_the_leader_under_a_limit_is_that_of_the_command(capsys):
         dr.design.max_speed(scene).leader_m_s(0)
 
 
+def test_the_smallest_pitch_of_a_scene_starts_where_the_scene_does_as_in_the_command(capsys):
+    options = ['--set', 'dragon.benches=24', '--set', 'track.start_turns=11', '--within', '1e-6', '--format', 'json']
+    assert main(['design', 'min-pitch', '--scene', 'winding', *options]) == 0
+    said = json.loads(capsys.readouterr().out)
+    scene = dr.scene('winding', dragon={'benches': 24}, track={'start_turns': 11})
+    found = dr.design.min_pitch(scene, within_m=1e-6)
+    assert (found.low_m, found.high_m, found.states) == (said['low_m'], said['high_m'], said['states'])
+    assert found.states != dr.design.min_pitch(scene.dragon, within_m=1e-6).states
+
+
 def test_the_turn_is_that_of_the_command(capsys):
     assert main(['design', 'turn', '--format', 'json']) == 0
     said = json.loads(capsys.readouterr().out)
