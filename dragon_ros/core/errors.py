@@ -19,7 +19,7 @@ def did_you_mean(word: object, known: Iterable[str], otherwise: str, alike: floa
     """Return a question suggesting the known name most similar to a word, or ``otherwise`` if none is similar."""
     from difflib import get_close_matches  # rarely needed
     names = {name.lower(): name for name in known}
-    near = get_close_matches(str(word).lower(), names, n=1, cutoff=alike)
+    near = get_close_matches((word if isinstance(word, str) else shown(word)).lower(), names, n=1, cutoff=alike)
     return f'did you mean {names[near[0]]}?' if near else otherwise
 
 

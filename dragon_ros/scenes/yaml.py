@@ -31,7 +31,9 @@ class Document:
 
         List items are numbered from 1: ``track.pieces.2``. The position of a list is that of its key.
         """
-        below = (place for place in self.places if place.startswith(f'{key}.') and not place[len(key) + 1].isdigit())
+        start = f'{key}.'
+        below = (place for place in self.places
+                 if place.startswith(start) and not place[len(start):len(start) + 1].isdigit())
         key = key if key.rpartition('.')[2].isdigit() and key in self.places else next(below, key)
         while key and key not in self.places:
             key = key.rpartition('.')[0]

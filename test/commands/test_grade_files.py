@@ -13,6 +13,8 @@ from threading import Event
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from properties import thinned
 
 from dragon_ros.__main__ import main
@@ -190,6 +192,16 @@ HOSTILE = {
         '<row r="1048576"><c r="A1048576"><v>1</v></c></row>')}), '1048576 rows'),
     'far column': (lambda: changed(plain_book(), **{SHEET: PAGE.format(
         '<row r="1"><c r="XFD1"><v>1</v></c></row>')}), '16384 columns'),
+    'no space before a position': (lambda: changed(plain_book(), **{SHEET: PAGE.format(
+        '<row r="1"><c t="str"r="XFD1"><v>1</v></c></row>')}), '16384 columns'),
+    'two positions': (lambda: changed(plain_book(), **{SHEET: PAGE.format(
+        '<row r="1"><c r="A1"r="XFD1"><v>1</v></c></row>')}), '16384 columns'),
+    'leading zeros': (lambda: changed(plain_book(), **{SHEET: PAGE.format(
+        '<row r="1"><c r="A0000001048576"><v>1</v></c></row>')}), '1048576 rows'),
+    'far below its row': (lambda: changed(plain_book(), **{SHEET: PAGE.format(
+        '<row r="1"><c r="A1"><v>1</v></c><c r="ZZ99999"><v>1</v></c></row>')}), '70199298 cells'),
+    'cells with a prefix': (lambda: changed(plain_book(), **{SHEET: PAGE.format(
+        f'<row>{"<x:c><v>1</v></x:c>" * 2001}</row>').replace('<worksheet ', '<worksheet xmlns:x="x" ')}), 'columns'),
     'many unnamed rows': (lambda: changed(plain_book(), **{SHEET: PAGE.format(
         '<row><c><v>1</v></c></row>' * 100_001)}), 'rows'),
     'wide and long': (lambda: changed(plain_book(), **{SHEET: PAGE.format(
@@ -218,6 +230,28 @@ def test_a_hostile_or_broken_workbook_is_refused_in_one_line(name, tmp_path, cap
     assert said.count('\n') == 1
     assert said.startswith('grade: ')
     assert says in said
+
+
+_LETTERS = st.sampled_from(['A', 'B', 'c', 'Z', 'AA', 'aB', 'ZZ', 'AAA', 'AB'])
+_PREFIXES = st.sampled_from(['', '', '', 'x:'])
+_POSITIONS = st.builds('{}{}{}{}"{}{}{}"'.format, st.sampled_from([' ', '\n', ' s="1" ', ' s="1"']), st.just('r'),
+                       st.sampled_from(['=', ' =']), st.sampled_from(['', ' ']), _LETTERS,
+                       st.sampled_from(['', '0', '0000000000']), st.integers(1, 300))
+
+
+@given(rows=st.lists(st.tuples(_PREFIXES, st.one_of(st.just(''), st.integers(1, 300).map(' r="{}"'.format)), st.lists(
+    st.tuples(_PREFIXES, st.one_of(st.just(''), _POSITIONS)), max_size=4)), max_size=4))
+def test_the_size_of_a_sheet_is_never_underrated_whatever_way_positions_are_written(rows):
+    calamine = pytest.importorskip('python_calamine')
+    text = ''.join(f'<{before}row{place}>' + ''.join(f'<{own}c{where}><v>1</v></{own}c>' for own, where in cells)
+                   + f'</{before}row>' for before, place, cells in rows)
+    data = changed(plain_book(), **{SHEET: PAGE.format(text).replace('<worksheet ', '<worksheet xmlns:x="x" ')})
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        page = archive.read(SHEET)
+    found = calamine.CalamineWorkbook.from_filelike(io.BytesIO(data)).get_sheet_by_index(0).to_python(
+        skip_empty_area=False)
+    most_rows, most_columns = reading._extent(page)
+    assert (len(found) <= most_rows, max(map(len, found), default=0) <= most_columns) == (True, True)
 
 
 def test_merged_headings_are_read(tmp_path):

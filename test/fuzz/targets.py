@@ -224,7 +224,8 @@ def request(folder: Path) -> Target:
     def run(data: bytes) -> None:
         with socket.create_connection(server.server_address, timeout=20) as stream, suppress(ConnectionError):
             stream.sendall(data)
-            stream.shutdown(socket.SHUT_WR)
+            with suppress(OSError):     # the server has already closed the connection
+                stream.shutdown(socket.SHUT_WR)
             while stream.recv(2**16):
                 pass
         if escaped:

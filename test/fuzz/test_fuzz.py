@@ -8,7 +8,7 @@ import signal
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from hashlib import sha256
 from pathlib import Path
 
@@ -60,8 +60,12 @@ def not_stuck() -> Iterator[None]:
         signal.signal(signal.SIGALRM, before)
 
 
-def fuzz(target: Target, inputs: int, number: int | None = None) -> tuple[bytes, BaseException] | None:
-    """Try inputs; return the simplest one that raises an unexpected error, and this error."""
+def fuzz(target: Target, inputs: int, number: int | None = None, running: Path | None = None,
+         ) -> tuple[bytes, BaseException] | None:
+    """Try inputs; return the simplest one that raises an unexpected error, and this error.
+
+    Each input is first written to the file ``running``, so that one that ends the process can be found there.
+    """
     worst: list[bytes] = []
 
     @settings(max_examples=inputs, derandomize=number is None, database=None, deadline=None,
@@ -69,6 +73,8 @@ def fuzz(target: Target, inputs: int, number: int | None = None) -> tuple[bytes,
     @given(mutated(target))
     def check(data: bytes) -> None:
         worst[:] = [data]
+        if running is not None:
+            running.write_bytes(data)
         with not_stuck():
             target.run(data)
     try:
@@ -106,17 +112,21 @@ def test_only_the_package_s_own_errors_come_out(name, tmp_path, request):
 def long(name: str, target: Target, for_s: float, first: int) -> list[tuple[bytes, BaseException] | None]:
     """Fuzz with one seed after another until the time is up, report progress every minute, and print the results."""
     until, told, rounds, found = time.monotonic() + for_s, time.monotonic(), 0, {}
+    running = CORPUS / name / 'running'
+    running.parent.mkdir(parents=True, exist_ok=True)
     while time.monotonic() < until:
-        one = fuzz(target, _ROUND, first + rounds)
+        one = fuzz(target, _ROUND, first + rounds, running)
         rounds += 1
         if one:
             key = f'{type(one[1]).__name__}: {one[1]}'[:100]
             found.setdefault(key, one)
-            (CORPUS / name).mkdir(parents=True, exist_ok=True)
             (CORPUS / name / sha256(one[0]).hexdigest()[:16]).write_bytes(one[0])
         if time.monotonic() - told > 60:
             told = time.monotonic()
             say(f'{name}: {rounds * _ROUND} inputs, {until - told:.0f} s left, {len(found)} findings')
+    running.unlink(missing_ok=True)
+    with suppress(OSError):
+        running.parent.rmdir()      # nothing was found
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
     say(f'{name}: {rounds * _ROUND} inputs, {len(found)} findings, {peak_mb:.0f} MB at most', *found)
     return list(found.values())

@@ -183,8 +183,10 @@ def test_overrides_reach_any_key_and_say_where_they_are_wrong():
     scene = load_scene('winding', ['dragon.benches=20', 'run.stop_s=3', 'effects=[velocity]'])
     assert (scene.dragon.benches, scene.run.stop_s, scene.effects) == (20, 3, Effect.VELOCITY)
     for bad, says in (('dragon.benchs=3', 'did you mean benches'), ('benches', 'key=value'), ('=3', 'key=value'),
-                      ('dragon.benches.x=3', 'benches'), ('head.speed_m_s=[', 'YAML')):
-        with pytest.raises(InputError, match=re.escape(f'--set {bad}')) as error:
+                      ('dragon.benches.x=3', 'benches'), ('head.speed_m_s=[', 'YAML'), ('dragon.=3', 'unknown key'),
+                      ('track.pitch_m.=3', 'not a number'), ('.=3', 'unknown key'),
+                      (f'solver=0x{"f" * 5000}', 'the choices are table, march')):
+        with pytest.raises(InputError, match=re.escape(f'--set {bad[:90]}')) as error:
             load_scene('winding', [bad])
         assert says in str(error.value)
 

@@ -31,11 +31,15 @@ _ENCRYPTED = 'EncryptedPackage'.encode('utf-16-le')
 _SHEET = re.compile(r'xl/worksheets/[^/]*\.xml')
 _NEEDED = re.compile(r'\[content_types\]\.xml|_rels/\.rels|xl/workbook\.xml|xl/_rels/workbook\.xml\.rels|'
                      r'xl/sharedstrings\.xml|xl/styles\.xml|xl/worksheets/[^/]*\.xml', re.IGNORECASE)
-_PLACE = re.compile(rb'\sr\s*=\s*["\']([A-Za-z]{0,4})(\d{1,9})["\']')
+_ROW = re.compile(rb'<(?:[\w.-]+:)?row(?![\w.-])')
+_CELL = re.compile(rb'<(?:[\w.-]+:)?c(?![\w.-])')
+_PLACE = re.compile(rb'(?<=[\s"\'])r\s*=\s*["\']([A-Za-z]*)(\d+)["\']')
 _LINE = re.compile(rb"\s[^>]*?\br\s*=\s*[\"'](\d{1,9})[\"']")
-_FAR = re.compile(rb'\sr="[A-Za-z]{3}|\sr=\'|\sr\s+=|\sr=\s')    # columns from AAA on, or positions in another notation
+# Columns from AAA on, numbers with more digits, and positions in another notation.
+_FAR = rb'\sr="(?:[A-Za-z]{3}|[A-Za-z]{0,2}\d{%d})|\sr=\'|\sr\s+=|\sr=\s'
+# Positions that follow no space, and rows and cells with a prefix.
+_UNUSUAL = b'"r', b"'r", b'\tr', b'\nr', b'\rr', b':row', b':c'
 _TWO_LETTERS = 26 * 27                                   # number of columns up to ZZ
-_PREFIX = re.compile(rb'<([\w.-]+:)?worksheet[\s>]')
 _MERGED = re.compile(rb'<(?:[\w.-]+:)?mergeCell\s[^>]*ref\s*=\s*["\']([A-Z]+)(\d+):([A-Z]+)(\d+)["\']')
 _FORMULA = re.compile(rb'<(?:[\w.-]+:)?c(\s[^>]*)?>\s*<(?:[\w.-]+:)?f[\s>/]')
 _UNVALUED = re.compile(rb'<(?:[\w.-]+:)?c((?:\s[^>]*)?)>\s*<(?:[\w.-]+:)?f(?:\s[^>]*)?(?:/>|>[^<]*</(?:[\w.-]+:)?f>)\s*'
@@ -158,19 +162,22 @@ def _checked(path: Path, name: str, part: bytes) -> tuple[tuple[int, int, int, i
 
 def _extent(part: bytes) -> tuple[int, int]:
     """Return a bound on a sheet's rows and columns; a rough bound is enough if it is within the budgets."""
-    found = _PREFIX.search(part)
-    prefix = b'<' + ((found[1] or b'') if found else b'')
     part = part[max(part.find(b'sheetData'), 0):]
-    lines = part.split(prefix + b'row')
-    counts = [line.count(prefix + b'c') for line in lines]      # cells and other elements with the same initial letter
-    rows = max((int(found[1]) for line in lines if (found := _LINE.match(line))), default=0)
-    named = part.count(b' r="')    # Either no cell or every cell states its position.
-    if not _FAR.search(part) and (named <= len(lines) or named >= sum(counts)):
-        rows, columns = max(rows, len(lines)), max(counts) if named <= len(lines) else max(_TWO_LETTERS, *counts)
+    lines = part.split(b'<row')
+    counts = [line.count(b'<c') for line in lines]      # cells and other elements with the same initial letter
+    numbers = [int(found[1]) for line in lines if (found := _LINE.match(line))]
+    rows = max(numbers, default=0) + len(lines) - len(numbers)
+    named, digits = part.count(b' r="') - len(numbers), len(str(rows))     # ``named`` cells state their positions
+    if not any(one in part for one in _UNUSUAL) and not re.search(_FAR % (digits + 1), part) and (
+            named <= 0 or named >= sum(counts)):
+        columns = max(counts) if named <= 0 else max(_TWO_LETTERS, *counts)
+        rows = rows if named <= 0 else 10**digits - 1       # a cell may state another row than its own
         if rows * columns <= BOOK_CELLS:
             return rows, columns
+    lines = _ROW.split(part)
+    counts = [len(_CELL.findall(line)) for line in lines]
     places = set(_PLACE.findall(part))
-    rows = max(rows, max((int(row) for _, row in places), default=0))
+    rows = max((int(row) for _, row in places), default=0)
     columns = max(map(_column, {letters for letters, _ in places if letters}), default=0)
     if sum(1 for letters, _ in places if letters) < sum(counts):    # some positions follow only from the cells' order
         rows, columns = rows + len(lines) - 1, columns + max(counts)
