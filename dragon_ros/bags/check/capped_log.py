@@ -16,3 +16,8 @@ class CappedLog:
         self.count += 1
         if len(self.lines) < _MOST:
             self.lines.append(str(what))
+
+    def note_first(self, what: object) -> None:
+        """Count a problem, and put its line before all others, so that it is always kept."""
+        self.count += 1
+        self.lines.insert(0, str(what))

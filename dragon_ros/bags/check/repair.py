@@ -117,7 +117,7 @@ def _save(done: Repaired, sink: _Sink, file: McapFile, progress: Callable[[int],
     parsed, saved = messages_that_parse(file), done.messages - before
     if parsed > saved:
         done.unsaved += parsed - saved
-        done.lost.note(f'{file.path}: only {saved} of {parsed} readable messages were saved')
+        done.lost.note_first(f'{file.path}: only {saved} of {parsed} readable messages were saved')
 
 
 def _put(done: Repaired, sink: _Sink, index: Index, row: StoredMessage, data: bytes) -> None:
