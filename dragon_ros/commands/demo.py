@@ -83,7 +83,8 @@ def _demonstrate(folder: Path, pace: float) -> int:
             _bystanders(start, live)
             sim = start('sim', '--json', '--scene', SCENE, '--ros-args', '-p', f'time_scale:={pace}',
                         '-p', f'wait_subscribers:=[{_READERS}]')
-            threading.Thread(target=_interrupt_if_any_fails, args=(start.recorders, sim), daemon=True).start()
+            for reader in start.readers:
+                threading.Thread(target=_interrupt_if_it_fails, args=(reader, sim), daemon=True).start()
             lines = _progress_of(sim)
             next(lines, None)
             # During the run, the monitor and recorder of the replay start in another domain and discover each other.
@@ -153,7 +154,7 @@ def _processes(log: Path) -> Iterator['_Processes']:
         try:
             yield start
             # The recorder ends once the monitor, which is still running, has reported everything.
-            for process in (*start.recorders, *start.monitors):
+            for process in start.readers:
                 process.send_signal(signal.SIGINT)
                 _finished(process)
         finally:
@@ -184,10 +185,18 @@ class _Processes:
             self.all.append(process)
         return process
 
+    @property
+    def readers(self) -> 'list[subprocess.Popen[str]]':
+        """The recorders and the monitors."""
+        return [*self.recorders, *self.monitors]
+
     def wait_for_contact(self) -> None:
-        """Wait until the monitor, which may lag behind, has reported a contact. Raises DragonError."""
+        """Wait until the monitor, which may lag behind, has reported a contact. Raises DragonError if a node fails."""
         end = time.monotonic() + _LONGEST_S
         while 'contact of benches' not in Path(self.log.name).read_text(encoding='utf-8'):
+            for process in self.readers:
+                if process.poll():
+                    _finished(process)
             if time.monotonic() > end:
                 raise DragonError(f'the monitor reported no contact; see {self.log.name}')
             time.sleep(0.05)
@@ -199,11 +208,10 @@ def _bystanders(start: _Processes, bag: Path) -> None:
     start.recorders.append(start('record', '--output', str(bag), '--force', '--keep-going', '--wait-monitor'))
 
 
-def _interrupt_if_any_fails(others: 'list[subprocess.Popen[str]]', sim: 'subprocess.Popen[str]') -> None:
+def _interrupt_if_it_fails(reader: 'subprocess.Popen[str]', sim: 'subprocess.Popen[str]') -> None:
     """Stop the simulator if a process that it waits for fails."""
-    for process in others:
-        if process.wait():
-            sim.send_signal(signal.SIGINT)
+    if reader.wait():
+        sim.send_signal(signal.SIGINT)
 
 
 def _progress_of(sim: 'subprocess.Popen[str]') -> Iterator[float]:

@@ -455,6 +455,17 @@ def test_a_demo_that_is_terminated_leaves_no_process_behind(start, tmp_path):
     assert not alive
 
 
+@pytest.mark.long       # by default, other tests show how the demo ends
+def test_a_demo_whose_monitor_is_killed_ends_with_one_line(start, tmp_path):
+    import psutil
+    demo = start('demo', '--output', tmp_path / 'demo', '--pace', '0.5')
+    demo.wait_for('at 400')
+    next(one for one in psutil.Process(demo.pid).children() if one.cmdline()[-1] == 'monitor').kill()
+    assert demo.end() == 1
+    assert 'monitor ended with exit code -9; see the .log files' in demo.text
+    assert 'Traceback' not in demo.text
+
+
 @pytest.mark.long       # by default, other tests show what the parts of the demo do, and that it starts and ends
 def test_the_demo_can_be_run_again_in_one_place(start, tmp_path):
     folder, names = tmp_path / 'demo', ('first_contact.mcap', 'replayed.mcap', 'contact.png', 'contact.svg')
