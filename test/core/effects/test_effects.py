@@ -78,7 +78,7 @@ def everything(solver='table'):
     ('march', 131), ('table', 97), pytest.param('march', 1, marks=pytest.mark.long)],
     ids=['march: some', 'table: some', 'march: all'])
 def test_every_subset_of_effects_has_its_fields_alone_and_their_values_to_the_last_bit(solver, every):
-    full = {field.name: values_of(getattr(everything(solver), field.name)) for field in fields(everything(solver))}
+    full = {name: values_of(value) for name, value in everything(solver)._asdict().items()}
     assert all(full[name] is not None for name in FIELDS.values())
     for effects in subsets()[::every]:
         frame = tick(replace(TOUCHING, solver=solver, effects=effects), TICK)
@@ -109,8 +109,8 @@ def test_ticks_in_a_row_have_the_bits_that_each_has_alone(name):
     assert [frame.k for frame in frames] == list(range(first, stop))
     for frame in frames:
         alone = tick(scene, frame.k)
-        for field in fields(alone):
-            assert values_of(getattr(frame, field.name)) == values_of(getattr(alone, field.name)), field.name
+        for name, value in alone._asdict().items():
+            assert values_of(getattr(frame, name)) == values_of(value), name
         for array in (frame.axis, frame.benches.centre if frame.benches else frame.chain.p):
             assert not array.flags.writeable
 
