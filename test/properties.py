@@ -24,6 +24,11 @@ def thinned(cases, kept):
     return out
 
 
-def examples(count: int) -> settings:
-    """Return the settings of a property with ``count`` examples, scaled by the profile to two or more."""
+def examples(count: int, long: int | None = None) -> settings:
+    """Return the settings of a property with ``count`` examples, scaled by the profile to two or more.
+
+    With ``long``, a property has this count in all profiles except the one by default.
+    """
+    if long is not None and settings().max_examples != settings.get_profile('usual').max_examples:
+        count = long
     return settings(max_examples=max(2, count * settings().max_examples // USUAL))

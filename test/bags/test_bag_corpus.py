@@ -113,7 +113,7 @@ def use(path, out):
             assert frame.clearance_m is None or frame.clearance_m == frame.clearance_m
 
 
-@examples(100)
+@examples(100, long=150)
 @given(st.sampled_from(GOOD), st.floats(0, 1))
 def test_a_bag_cut_at_any_byte_is_refused_and_all_before_the_cut_is_saved(tmp_path_factory, name, share):
     folder, data = tmp_path_factory.mktemp('cut'), CORPUS[name].read_bytes()

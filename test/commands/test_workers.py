@@ -320,7 +320,7 @@ def test_a_check_says_the_same_with_any_number_of_workers(capsys, variant, chang
     assert json.loads(one[1])['equal'] == 3 * TICKS
 
 
-@examples(50)
+@examples(50, long=100)
 @given(st.lists(st.sampled_from([*product(range(4), 'ab', ['differs', 'is late'])]), max_size=40), st.integers(0, 40))
 def test_faults_of_two_parts_are_those_of_the_whole(ticks, cut):
     def compared(first, some):

@@ -20,7 +20,7 @@ CHANGING = {'model/clearance', 'model/contacts', 'model/markers', 'forces', 'tra
 
 
 @pytest.mark.parametrize('markers', ['cubes', 'triangles'])
-@examples(50)
+@examples(50, long=100)
 @given(st.lists(st.sampled_from(FRAMES), min_size=1, max_size=12), st.lists(st.sampled_from(FRAMES), min_size=1))
 def test_frames_encoded_together_in_any_number_and_order_have_the_bytes_of_single_ones(markers, some, others):
     encode = encoders(replace(SCENE, markers=markers))

@@ -72,7 +72,7 @@ def largest(dragon, start, stop, count=7):
     return np.max(found, axis=0)
 
 
-@examples(50)
+@examples(50, long=100)
 @given(st.just(0.0) | st.floats(0.5, 35), st.floats(3, 30), st.floats(1, 60), st.floats(0, 0.5), st.floats(0.1, 4))
 def test_no_corner_bends_more_than_the_bound_anywhere_on_a_stretch(head, body, out, length, inset):
     dragon = Dragon(COUNT, head + 2 * inset, body + 2 * inset, 3.0, inset)

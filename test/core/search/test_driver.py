@@ -141,7 +141,7 @@ def test_with_a_finer_length_a_window_that_does_not_touch_is_cleared_further(dra
                 assert other.touching or abs(other.hit[1] - other.hit[0]) <= 1e-4
 
 
-@examples(50)
+@examples(50, long=100)
 @given(st.lists(WINDOW, min_size=1, max_size=4), st.integers(1, 3))
 def test_what_is_cleared_does_not_depend_on_how_many_intervals_are_judged_together(drawn, at_once):
     _, _, expected = cleared(drawn, (1e-3,))

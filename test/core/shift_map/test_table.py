@@ -137,7 +137,7 @@ def test_no_states_are_a_chain_of_no_states():
     assert states(CLASSIC, []).p.shape == (0, 224, 2)
 
 
-@examples(50)
+@examples(50, long=100)
 @given(st.floats(0.3, 2), st.floats(4, 40), st.integers(8, 80), st.floats(0.8, 4), st.floats(0.8, 3), st.floats(-1, 1),
        st.floats(0, 0.999))
 def test_any_dragon_on_the_table_is_where_the_march_puts_it(pitch, turns, benches, head, body, speed, part):
