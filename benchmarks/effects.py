@@ -43,7 +43,7 @@ def _fastest(rows: list[Price]) -> Price:
 def table(rows: Measured) -> str:
     """Return both tables as Markdown, after a line that states the machine, the versions and the date."""
     scenes = list(dict.fromkeys(row.scene for row in rows.prices))
-    lines = [f'{circumstances()}. Each price is the median of the fastest of {PASSES} passes.', '',
+    lines = [f'{circumstances()}. Each time is the median of the fastest of {PASSES} passes.', '',
              '| µs per tick | bytes | ' + ' | '.join(scenes) + ' |',
              '|---|---:|' + '---:|' * len(scenes)]
     for effect in dict.fromkeys(row.effect for row in rows.prices):
