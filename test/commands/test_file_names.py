@@ -6,6 +6,8 @@ import sys
 import pytest
 from properties import thinned
 
+from dragon_ros.__main__ import main
+
 NAME = os.fsdecode('舞龙'.encode('gbk'))         # as unpacked from a ZIP file that was made in Chinese Windows
 ESCAPED = r'\udcce\udce8\udcc1\udcfa'
 
@@ -34,10 +36,10 @@ def test_a_team_may_have_any_name(tmp_path, suffix):
 
 @pytest.mark.parametrize('arguments', thinned([['plan'], ['plot', 'dragon', '--times', '0']],
                                               lambda arguments: arguments[0] == 'plot'))
-def test_a_scene_may_have_any_name_in_a_picture(scene, arguments):
-    done = run(*arguments, '--output', f'{scene}.pdf', '--scene', scene)
-    assert done.returncode == 0, done.stderr
-    assert f'{ESCAPED}.yaml.pdf' in done.stdout
+def test_a_scene_may_have_any_name_in_a_picture(capsys, scene, arguments):
+    sys.stdout.reconfigure(errors='backslashreplace')       # as the executable does before it calls main
+    assert main([*arguments, '--output', f'{scene}.pdf', '--scene', str(scene)]) == 0
+    assert f'{ESCAPED}.yaml.pdf' in capsys.readouterr().out
     assert os.path.getsize(f'{scene}.pdf') > 1000
 
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import zipfile
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 from threading import Event
 
@@ -157,6 +158,7 @@ SHEET = 'xl/worksheets/sheet1.xml'
 PAGE = ('<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><sheetData>{}</sheetData></worksheet>')
 
 
+@cache
 def plain_book():
     out = io.BytesIO()
     made = new_book()

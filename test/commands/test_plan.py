@@ -71,11 +71,12 @@ def test_a_scene_without_a_venue_has_a_plan_without_gaps(capsys, tmp_path):
     options = '--scene', 'street', '--set', 'dragon.benches=5', '--set', 'venue=null', '--set', 'run.stop_s=20'
     code, out, _ = run(capsys, *options, '--output', tmp_path / 'a.pdf')
     assert (code, out.splitlines()) == (0, [str(tmp_path / 'a.pdf')])
-    assert 'gap' not in _said(Plan(load_scene('street', ['venue=null', 'dragon.benches=5']), 'x'))
+    assert 'gap' not in _said(Plan(load_scene('street', ['venue=null', 'dragon.benches=5', 'run.stop_s=20']), 'x'))
 
 
 def test_a_dragon_that_stands_still_has_a_plan_of_its_benches(capsys, tmp_path):
-    assert run(capsys, '--scene', 'winding', '--set', 'run.stop_s=0', '--output', str(tmp_path / 'a.pdf'))[0] == 0
+    assert run(capsys, '--scene', 'winding', '--set', 'dragon.benches=40', '--set', 'run.stop_s=0', '--output',
+               tmp_path / 'a.pdf')[0] == 0
 
 
 def test_dollars_in_a_title_or_a_name_are_no_formula(capsys, tmp_path):

@@ -20,6 +20,13 @@ REFUSED = [10.0**power for power in range(-15, -9)]
 INSET_M = 0.275
 
 
+@pytest.fixture(scope='module')
+def certificate_text():
+    """The certificate of a dragon whose head has a link of zero length."""
+    return json.dumps(written(load_scene('winding', ['dragon.benches=20', 'dragon.head_length_m=0.55',
+                                                     'track.start_turns=4.5'])))
+
+
 def scene_options(link_m):
     return ['--set', f'dragon.head_length_m={2 * INSET_M + link_m!r}', '--set', 'dragon.benches=20',
             '--set', 'track.start_turns=4.5']
@@ -57,15 +64,14 @@ def test_a_bag_with_a_short_link_holds_its_promise(link_m, tmp_path, capsys):
 
 
 @pytest.mark.parametrize('link_m', thinned([1e-16, *REFUSED], (1e-16, max(REFUSED)).__contains__))
-def test_a_link_without_a_direction_is_refused_with_its_cure(link_m, tmp_path, capsys):
+def test_a_link_without_a_direction_is_refused_with_its_cure(link_m, tmp_path, capsys, certificate_text):
     length_m = 2 * INSET_M + max(link_m, 2e-16)
     for build in (lambda: Dragon(20, length_m), lambda: Mixed((Group(2.2), Group(length_m), Group(2.2, 9)))):
         with pytest.raises(FieldError, match=r'too short to have an accurate direction; give 0.55 m for a link of '
                                              r'zero length'):
             build()
     certificate = tmp_path / 'c.json'
-    scene = load_scene('winding', ['dragon.benches=20', 'dragon.head_length_m=0.55', 'track.start_turns=4.5'])
-    values = written(scene)
+    values = json.loads(certificate_text)
     values['scene']['dragon']['head_length_m'] = length_m
     certificate.write_text(json.dumps(values))
     assert main(['contact', '--verify', str(certificate)]) == 2

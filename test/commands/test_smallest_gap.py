@@ -61,7 +61,8 @@ def test_a_bag_gives_the_same_curve_as_its_scene(tmp_path):
 
 @pytest.mark.parametrize(('venue', 'words'), [(WALLED.venue, True), (None, False)])
 def test_pictures_and_the_view_say_whether_obstacles_count(venue, words):
-    source = SceneSource('street', replace(WALLED, venue=venue))
+    run = replace(WALLED.run, rate_hz=WALLED.run.rate_hz / 10)      # the curve has a tenth of the points
+    source = SceneSource('street', replace(WALLED, venue=venue, run=run))
     figure = clearance_picture(source, iter)
     assert isinstance(figure, Figure)
     assert ('obstacles' in figure.axes[0].get_title()) == words
