@@ -82,11 +82,11 @@ def test_the_follower_stays_behind_the_head(example, start, node):
     node.create_subscription(PoseStamped, 'follower', heard.append, 1000)
     child = example('follow_head.py')
     node.until(lambda: node.count_publishers('follower') == 1)
-    start('sim', '--set', 'run.stop_s=10', '--set', 'dragon.benches=9', '--ros-args', '-p', 'time_scale:=4.0', '-p',
+    start('sim', '--set', 'run.stop_s=5', '--set', 'dragon.benches=9', '--ros-args', '-p', 'time_scale:=4.0', '-p',
           'wait_subscribers:=[handles=1]')
-    node.until(lambda: heard and heard[-1].header.stamp.sec == 10)
-    scene = load_scene('winding', ['run.stop_s=10', 'dragon.benches=9'])
-    x, y = state(scene, 10.0).p[0]
+    node.until(lambda: heard and heard[-1].header.stamp.sec == 5)
+    scene = load_scene('winding', ['run.stop_s=5', 'dragon.benches=9'])
+    x, y = state(scene, 5.0).p[0]
     place = heard[-1].pose.position
     assert ((place.x - x) ** 2 + (place.y - y) ** 2) ** 0.5 == pytest.approx(2.0, abs=0.05)
     quiet_end(child)
@@ -106,8 +106,8 @@ def test_the_leader_leads_a_dragon(example, start, node):
     from nav_msgs.msg import Odometry
     speeds = []
     node.create_subscription(Odometry, 'leader', lambda message: speeds.append(message.twist.twist.linear.x), 1000)
-    sim = start('sim', '--scene', 'led', '--set', 'dragon.benches=9', '--ros-args', '-p',
-                'wait_subscribers:=[leader=1]')
+    sim = start('sim', '--scene', 'led', '--set', 'dragon.benches=9', '--set', 'head.max_acceleration_m_s2=5',
+                '--ros-args', '-p', 'wait_subscribers:=[leader=1]')
     child = example('lead.py')
     node.until(lambda: speeds and speeds[-1] == 1.0)
     quiet_end(child)

@@ -58,7 +58,7 @@ def by_topic(path):
     [(scale, markers) for scale in (0.0, 4.0) for markers in ('cubes', 'triangles')],
     lambda case: case == (0.0, 'triangles')))
 def test_sim_monitor_and_recorder_as_processes_lose_and_change_no_tick(start, node, tmp_path, scale, markers):
-    changes = 'run.start_s=409', f'markers={markers}'
+    changes = 'run.start_s=411', f'markers={markers}'
     bag, events = tmp_path / 'run.mcap', heard_events(node)
     monitor, record = start('monitor'), start('record', '--output', bag, '--keep-going')
     record.wait_for('a monitor has been found')     # discovery may take longer than the run
@@ -72,7 +72,7 @@ def test_sim_monitor_and_recorder_as_processes_lose_and_change_no_tick(start, no
     with BagReader(bag) as run:
         result = compare_with_model(run, load_scene('first_contact', changes))
     assert result.faults == []
-    assert result.equal == 3 * 201
+    assert result.equal == 3 * 101
     (event,) = events_of(bag)
     assert event.level == 2
     assert (event.values['inner'], event.values['outer']) == ('0', '8')

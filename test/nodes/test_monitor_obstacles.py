@@ -25,7 +25,7 @@ from dragon_ros.scenes.load import load_scene
 SCENE = """
 dragon: {benches: 5}
 track: {kind: joined, start_m: 25, pieces: [{kind: line, length_m: 24.5}, {kind: arc, radius_m: 400, angle_deg: 3}]}
-run: {start_s: 3.6, stop_s: 5.2}
+run: {start_s: 4.2, stop_s: 5.2}
 effects: [benches, clearance, contact]
 venue:
   obstacles:

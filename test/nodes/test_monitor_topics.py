@@ -264,14 +264,14 @@ def test_a_recorder_keeps_every_topic_at_simulation_time(start, tmp_path):
     bag = tmp_path / 'run.mcap'
     monitor, record = start('monitor'), start('record', '--output', bag)
     record.wait_for('a monitor has been found')     # discovery may take longer than the run
-    sim = start('sim', '--scene', 'first_contact', '--set', 'run.start_s=412', '--ros-args', '-p',
+    sim = start('sim', '--scene', 'first_contact', '--set', 'run.start_s=412.3', '--ros-args', '-p',
                 'wait_subscribers:=[handles=2,benches=2,velocities=1]', '-p', 'time_scale:=0.5')
     assert sim.end() == 0, sim.text
     assert record.end() == 0, record.text
     assert monitor.stop() == 0, monitor.text
     with BagReader(bag) as run:
         counts = {topic.name: topic.messages for topic in run.topics}
-        assert run.start_ns >= 412 * 10**9
+        assert run.start_ns >= 412_300_000_000
         assert run.end_ns <= 413 * 10**9
         (begin,) = [row for message in run.messages(['/dragon/collision']) for row in read_diagnostics(message.data)]
     assert begin.values['phase'] == 'begin'
