@@ -187,11 +187,11 @@ def test_a_running_sim_takes_both_ends_of_every_live_parameter_and_plays_on(paus
     assert paused.process.stop() == 0, paused.process.text
 
 
-def test_any_call_and_any_value_of_any_parameter_is_answered_as_the_table_says(start, domain):
+def test_any_call_and_any_value_of_any_parameter_is_answered_as_the_table_says(start, domain, request):
     sim = start('sim', '--scene', 'unwinding', '--ros-args', '-p', 'discovery_s:=0.0', '-p', 'at_end:=hold')
-    caller = Caller(seed=1)
+    caller, calls = Caller(seed=1), 120 if request.config.getoption('--long') else 60
     try:
-        while called(caller.counts) < 120:
+        while called(caller.counts) < calls:
             caller.any_call()
     finally:
         caller.close()

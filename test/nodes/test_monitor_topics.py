@@ -3,6 +3,7 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
+from properties import thinned
 
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.search.first_contact import first_contact
@@ -283,7 +284,8 @@ def test_a_recorder_keeps_every_topic_at_simulation_time(start, tmp_path):
     assert 1 <= counts['/dragon/collision/markers'] <= 27
 
 
-@pytest.mark.parametrize('mode', ['stop', 'hold'])
+# By default, test_record.py checks each frame of a run that is held in its contact.
+@pytest.mark.parametrize('mode', thinned(['stop', 'hold'], lambda mode: mode == 'stop'))
 def test_the_sim_ends_or_holds_in_exactly_the_contact(start, node, mode):
     from geometry_msgs.msg import PoseArray
     heard, bytes_ = Listener(node, 'collision'), []

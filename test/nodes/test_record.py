@@ -110,6 +110,7 @@ def test_a_bag_alone_makes_its_run_again(start, tmp_path):
     publisher = sim(start, *SHORT, 'accuracy=1e-6', speed=0.0)
     assert publisher.end() == 0, publisher.text
     assert record.end() == 0, record.text
+    assert 'the publisher of handles has left' in record.text
     last = record.lines[-1]
     assert f'run: {3 * 26 + 2} messages on 5 topics, nothing is missing; the queue was ' in last, record.text
     assert not re.search(r'/dragon/\w+ 0\b', record.text), record.text      # topics without messages are not listed
