@@ -16,6 +16,7 @@ from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.messages.decode import MessageError, Poses, read_multi_array
 from dragon_ros.messages.observation import observation_of, placed, read_benches, read_handles
 
+_TINY_M = 1e-100      # coordinates below this are taken as 0
 TOPICS = ('handles', 'benches', 'velocities', 'accelerations')     # topics from which a dragon's state is read
 
 
@@ -151,7 +152,7 @@ def box(points: Floats) -> Region:
     """Return the part of the plane inside a box, given two opposite corners (shape (2, 3))."""
     _check(len(points) == 2, points, 'a box needs two opposite corners')
     import shapely
-    low, high = points.min(axis=0), points.max(axis=0)
+    low, high = _without_tiny(points.min(axis=0)), _without_tiny(points.max(axis=0))
     return Region(shapely.box(*low[:2], *high[:2]) if low[2] <= 0 <= high[2] else shapely.Point())
 
 
@@ -163,7 +164,13 @@ def convex_hull(points: Floats) -> Region:
     above, below = points[points[:, 2] > 0], points[points[:, 2] < 0]
     rise, fall = above[:, None, 2:], -below[None, :, 2:]
     crossings = (above[:, None, :2] * fall + below[None, :, :2] * rise) / (rise + fall)
-    return Region(MultiPoint(np.concatenate((points[points[:, 2] == 0, :2], crossings.reshape(-1, 2)))).convex_hull)
+    corners = _without_tiny(np.concatenate((points[points[:, 2] == 0, :2], crossings.reshape(-1, 2))))
+    return Region(MultiPoint(corners).convex_hull)
+
+
+def _without_tiny(values: Floats) -> Floats:
+    """Return coordinates with 0 in place of tiny ones: GEOS divides by squares of lengths, which would underflow."""
+    return np.where(np.abs(values) < _TINY_M, 0.0, values)
 
 
 def _check(is_valid: Any, points: Floats, limit: str) -> None:

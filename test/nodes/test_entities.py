@@ -91,6 +91,13 @@ def test_what_lies_above_the_plane_overlaps_nothing(region):
     assert found(region) == []
 
 
+@pytest.mark.parametrize('tiny', [0.0, 5e-324, 2.8e-306, 1e-170])
+def test_a_region_of_no_or_almost_no_width_overlaps_what_it_touches(tiny):
+    x, y = BODIES.place_m[100]
+    assert 'handle_100' in found(box(corners((x, y, 0), (x + tiny, 99, 0))))
+    assert 2 < len(found(box(corners((-99, 0, 0), (99, tiny, 0))))) < 100
+
+
 def test_a_hull_is_cut_where_its_edges_pass_the_plane():
     region = convex_hull(corners((0, 0, 3), (4, 0, -1), (0, 4, -1), (-4, -4, -1)))      # a tetrahedron on its tip
     assert region.shape.equals(shapely.Polygon([(3, 0), (0, 3), (-3, -3)]))
