@@ -167,10 +167,19 @@ def test_a_tolerance_that_scatters_is_seen_and_not_called_an_explanation():
     assert [one.key for one in positions.findings] == ['tolerance', 'unknown']
 
 
-def test_the_truth_is_right_and_a_few_wrong_cells_are_counted():
-    p, speed = (np.round(one, 6) for one in right())
-    assert [(one.verdict, one.findings, one.within) for one in grades_of('result1', given(p, speed))] == [
+def test_the_truth_is_right_if_no_cell_is_missing():
+    times = np.arange(301.0)
+    p, speed = (np.round(one, 6) for one in right(times=times))
+    assert [(one.verdict, one.findings, one.within) for one in grades_of('result1', given(p, speed, times))] == [
         ('right', (), (1.0, 1.0, 1.0))] * 2
+    p[3, 5, 0] = np.nan
+    assert [(one.verdict, one.expected - one.cells, one.findings)
+            for one in grades_of('result1', given(p, speed, times))] == [('incomplete', 1, ()), ('right', 0, ())]
+    assert [one.verdict for one in grades_of('result1', given(p[:-1], speed[:-1], times[:-1]))] == ['incomplete'] * 2
+
+
+def test_a_few_wrong_cells_are_counted():
+    p, speed = (np.round(one, 6) for one in right())
     p[3, 5, 0] += 0.5
     positions, _ = grades_of('result1', given(p, speed))
     assert plain(positions.findings) == 'few_cells(count=1, handle=5, t=75)'

@@ -22,6 +22,7 @@ from dragon_ros.__main__ import main
 from dragon_ros.cli.progress import Progress
 from dragon_ros.commands.contest.result_files import handle_names
 from dragon_ros.commands.grade import reading
+from dragon_ros.commands.grade.diagnosis import RIGHT
 from dragon_ros.commands.grade.folders import grade_all, teams_of
 from dragon_ros.commands.grade.reading import read_book
 from dragon_ros.commands.grade.tables import json_text
@@ -84,6 +85,9 @@ LAYOUTS = {
         [t, k, *P[n, k].tolist(), float(V[n, k])] for n, t in enumerate(TIMES.tolist()) for k in range(224))]},
     'numbers as text': lambda: {name: [rows[0], *([row[0], *(f'{cell:.6f}' for cell in row[1:])] for row in rows[1:])]
                                 for name, rows in contest().items()},
+    'decimal commas': lambda: {
+        name: [rows[0], *([row[0], *(f'{cell:.6f}'.replace('.', ',') for cell in row[1:])] for row in rows[1:])]
+        for name, rows in contest().items()},
     'x first, then y': lambda: {'位置': [HEAD, *PLACES[::2], *PLACES[1::2]], '速度': [HEAD, *SPEEDS]},
     'sorted by name': lambda: {'位置': [HEAD, *sorted(PLACES)], '速度': [HEAD, *sorted(SPEEDS)]},
     'two columns of labels': lambda: {
@@ -109,13 +113,15 @@ def reader(request, monkeypatch):
 @pytest.mark.parametrize(('layout', 'reader'), thinned(
     [(layout, reader) for layout in LAYOUTS for reader in READERS],
     lambda case: case[0] in ('grouped headings', 'numbers as text') or case in (
-        (layout, READERS[0]) for layout in ('title rows', 'english', 'long', 'sorted by name', 'transposed'))),
+        (layout, READERS[0]) for layout in ('decimal commas', 'title rows', 'english', 'long', 'sorted by name',
+                                            'transposed'))),
     indirect=['reader'])
 def test_layouts_of_students_are_read_to_the_last_cell(layout, tmp_path, reader):
     grade = grade_team(Team('a', [book(tmp_path / 'result1.xlsx', **LAYOUTS[layout]())]))
     assert grade.problems == ()
     assert [(one.sheet, one.verdict, one.cells) for one in grade.sheets] == [
-        ('positions', 'right', 224 * 2 * len(TIMES)), ('speeds', 'right', 224 * len(TIMES))]
+        ('positions', 'incomplete', 224 * 2 * len(TIMES)), ('speeds', 'incomplete', 224 * len(TIMES))]
+    assert max(one.worst for one in grade.sheets) <= RIGHT
     if layout == 'transposed':
         assert [key for key, _ in grade.notes] == ['transposed', 'transposed']
 
@@ -123,7 +129,7 @@ def test_layouts_of_students_are_read_to_the_last_cell(layout, tmp_path, reader)
 def test_missing_and_empty_sheets_and_other_names_are_told(tmp_path):
     path = book(tmp_path / 'result4.xlsx', 位置=[HEAD, *PLACES], 速度=[])
     grade = grade_team(Team('a', [path, path]))
-    assert [one.verdict for one in grade.sheets] == ['right', 'missing']
+    assert [one.verdict for one in grade.sheets] == ['incomplete', 'missing']
     assert [key for key, _ in grade.notes] == [*['sheet_empty', 'other_result'] * 2, 'given_twice']
 
 
@@ -138,7 +144,8 @@ def test_a_cell_that_is_no_sensible_number_is_one_wrong_or_missing_cell(tmp_path
     if isinstance(value, float):
         assert ([one.key for one in positions.findings], positions.verdict) == (['few_cells'], 'wrong')
     else:
-        assert (positions.expected - 2 * 224 * (301 - len(TIMES)) - positions.cells, positions.verdict) == (1, 'right')
+        assert (positions.expected - 2 * 224 * (301 - len(TIMES)) - positions.cells, positions.verdict) == (
+            1, 'incomplete')
 
 
 def changed(data, **parts):
@@ -263,7 +270,8 @@ def test_merged_headings_are_read(tmp_path):
         made.active.append([None if cell == '' else cell for cell in row])
     made.active.merge_cells('A1:F1')
     made.save(path)
-    assert grade_team(Team('a', [path])).sheets[0].verdict == 'right'
+    positions = grade_team(Team('a', [path])).sheets[0]
+    assert (positions.verdict, positions.cells) == ('incomplete', 224 * 2 * len(TIMES))
 
 
 def test_values_of_formulas_are_read_and_never_computed(tmp_path, reader):

@@ -23,6 +23,7 @@ _TIME = re.compile(r't\s*=\s*(-?\d+(?:\.\d+)?)|(?:^|[^\d.\-])(-?\d+(?:\.\d+)?)\s
 _SECTION = re.compile(r'第\s*(\d+)\s*[节個个条]|(?:section|body|bench|handle|node|joint|point|把手|节点|板凳|龙身|节|p)'
                       r'[\s_#:]*(\d+)|^(\d+)\s*[节号]')
 _INDEXED = re.compile(r'^(?:v|x|y)[\s_]*\(?(\d+)\)?$')
+_DECIMAL_COMMA = re.compile(r'[+-]?\d+,\d+')
 _SPEED = re.compile(r'速|speed|velocity|vel\b|m/s|(?<![a-z])v(?![a-z])')
 _X = re.compile(r'横坐标|横坐標|(?<![a-z])x(?![a-z])')
 _Y = re.compile(r'纵坐标|縱坐標|(?<![a-z])y(?![a-z])')
@@ -168,11 +169,12 @@ def _plain(cell: object) -> Cell:
 
 
 def _number(cell: Cell) -> float:
-    """Return a cell's number, even if the number is stored as text, or nan for any other cell."""
+    """Return a cell's number, or nan for any other cell; text is a number, too, also with a decimal comma."""
     if isinstance(cell, float):
         return cell
+    text = unicodedata.normalize('NFKC', cell or '').replace('\u2212', '-').strip()
     try:
-        return float(unicodedata.normalize('NFKC', cell).replace('\u2212', '-')) if cell else np.nan
+        return float(text.replace(',', '.') if _DECIMAL_COMMA.fullmatch(text) else text)
     except ValueError:
         return np.nan
 

@@ -76,9 +76,13 @@ def _pill_of(one: SheetGrade | None, lang: str) -> str:
     """Return the verdict on a sheet with its worst error and its diagnosis."""
     if one is None or one.worst is None:
         return _pill('missing', lang)
+    if one.verdict == 'right':
+        return _pill(one.verdict, lang)
+    if one.verdict == 'incomplete':
+        return f'{_pill(one.verdict, lang)}<small>{one.cells} / {one.expected}</small>'
     why = looks_like(one, lang)
     more = f'<small title="{escape(why)}">{one.worst:.2g}{f"; {escape(_cut(why))}" if why else ""}</small>'
-    return _pill(one.verdict, lang) + ('' if one.verdict == 'right' else more)
+    return _pill(one.verdict, lang) + more
 
 
 def _cell(head: str, content: str, kind: str = '') -> str:
@@ -113,7 +117,7 @@ def _team(number: int, team: TeamGrade, many: bool, lang: str) -> Iterator[str]:
         yield f'<h2>{_said("notes", lang)}</h2><ul>'
         yield from (f'<li>{_said(key, lang, **parameters)}</li>' for key, parameters in team.notes)
         yield '</ul>'
-    pictures = [one for one in team.sheets if one.heat is not None and one.verdict != 'right']
+    pictures = [one for one in team.sheets if one.heat is not None and one.verdict in ('close', 'wrong')]
     if pictures:
         yield f'<h2>{_said("pictures", lang)}</h2><div class="cards">'
         for one in pictures:

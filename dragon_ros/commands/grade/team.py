@@ -63,11 +63,15 @@ class SheetGrade:
 
     @property
     def verdict(self) -> str:
-        """The verdict: ``missing``, ``right``, ``close`` (all errors are within the largest bound), or ``wrong``."""
+        """The verdict: ``missing``, ``right``, ``incomplete``, ``close``, or ``wrong``.
+
+        A sheet is incomplete if it lacks cells and the others are right, and close if all errors are within the largest
+        bound.
+        """
         if self.worst is None:
             return 'missing'
         if self.worst <= RIGHT:
-            return 'right'
+            return 'right' if self.cells == self.expected else 'incomplete'
         return 'close' if self.worst <= BOUNDS[-1] else 'wrong'
 
 

@@ -127,7 +127,6 @@ WORDS: Words = {
     'rest': ('the remaining error, up to {worst:.3g} m, is unexplained', '余下误差（至多 {worst:.3g} m）原因不明'),
     # Reading
     'sheet_empty': ('sheet {sheet} is empty', '工作表 {sheet} 为空'),
-
     'numbers_as_text': ('the numbers in sheet {sheet} are stored as text', '工作表 {sheet} 中的数字以文本存储'),
     'transposed': ('sheet {sheet} is transposed: times are in rows', '工作表 {sheet} 行列互换：时间在行上'),
     'without_labels': ("sheet {sheet} names no handles; its rows are read in the contest's order",
@@ -159,6 +158,7 @@ WORDS: Words = {
     'seen': ('seen: {what}', '可见：{what}'),
     'right': ('right', '正确'),
     'wrong': ('wrong', '错误'),
+    'incomplete': ('incomplete', '不完整'),
     'close': ('close', '接近'),
     'missing': ('missing', '缺失'),
     'given': ('given', '所给'), 'truth': ('right answer', '正确答案'), 'error': ('error', '误差'),
