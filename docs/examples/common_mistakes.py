@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 
 import dragon_ros as dr
 from dragon_ros.commands.contest import mistakes
-from dragon_ros.commands.contest.mistakes import MistakenAnswer, first_touch_s, front_gap, gap_of
+from dragon_ros.commands.contest.mistakes import MistakenAnswer, first_touch_s, front_gaps, gap_of
 from dragon_ros.commands.grade.words import sentence
 
 Rows = Iterator[tuple[str, ...]]
@@ -31,7 +31,7 @@ def elsewhere() -> Rows:
     """Yield checks that are right on the classic dragon only by luck, each with a dragon for which it is wrong."""
     yield 'check', 'dragon', 'gives', 'right'
     wide, short = {'width_m': 0.301}, {'head_length_m': 1.2}
-    yield ("only the head's front corners", 'benches 0.301 m wide', f'{first_touch_s(gap_of(wide, front_gap)):.6f} s',
+    yield ("only the head's front corners", 'benches 0.301 m wide', f'{first_touch_s(gap_of(wide, front_gaps)):.6f} s',
            truth(wide))
     yield 'only the head', 'a head of 1.2 m', f'{first_touch_s(gap_of(short), 420.0, 432.0):.6f} s', truth(short)
 

@@ -21,7 +21,7 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import Track, track_of
 from dragon_ros.core.tracks.segments import ArcSegment
-from dragon_ros.core.tracks.spec import Spiral, STurn
+from dragon_ros.core.tracks.spec import STurn
 from dragon_ros.scenes.load import load_scene
 
 PITCH_M, START, SPEED_M_S, HANDLES = 0.55, 32 * pi, 1.0, 224
@@ -32,7 +32,8 @@ _LATEST_S = 420.0       # last time (s) for which Euler steps are computed
 _MOST_NEWTON, _SETTLED = 60, 4e-15
 Head = Callable[[Floats], Floats]                   # seconds (T,) -> polar angles (T,)
 Rule = Callable[[Floats, float], Floats]            # polar angles (T,) and a link in metres -> the next handle's angles
-Gap = Callable[[Floats, float], float]              # handles (N+1, 2) and a width (both in m) -> gap (m)
+Gap = Callable[[Floats, float], Floats]             # handles (T, N+1, 2) and a width (both in m) -> gaps (m, (T,))
+GapAt = Callable[[Floats], Floats]                  # seconds (T,) -> gaps (m, (T,))
 
 
 class MistakenAnswer(NamedTuple):
@@ -230,62 +231,60 @@ def projected(theta: Floats, leader_m_s: float = SPEED_M_S, swapped: bool = Fals
 
 # Question 2: the time at which benches touch.
 def rectangles(p: Floats, width_m: float) -> Benches:
-    """Return the benches that connect handles (N+1, 2)."""
-    along_m = p[:-1] - p[1:]
+    """Return the benches that connect handles (T, N+1, 2), as one row of T * N benches."""
+    along_m = (p[:, :-1] - p[:, 1:]).reshape(-1, 2)
     length_m = np.hypot(*along_m.T)
-    return Benches(0.5 * (p[:-1] + p[1:]), along_m / length_m[:, None], 0.5 * length_m + 0.275,
+    return Benches(0.5 * (p[:, :-1] + p[:, 1:]).reshape(-1, 2), along_m / length_m[:, None], 0.5 * length_m + 0.275,
                    np.full(length_m.size, 0.5 * width_m))
 
 
-def head_gap(p: Floats, width_m: float = 0.3) -> float:
-    """Return the smallest gap (m) between the head and the benches behind it, except its neighbour."""
-    benches = rectangles(p, width_m)
-    others = np.arange(2, len(benches.centre))
-    return float(np.min(gaps(benches, np.zeros_like(others), others)))
+def head_gaps(p: Floats, width_m: float = 0.3) -> Floats:
+    """Return the smallest gaps (m, shape (T,)) between the head and the benches behind it, except its neighbour."""
+    benches, behind = rectangles(p, width_m), np.arange(2, p.shape[1] - 1)
+    heads = np.repeat(np.arange(len(p)) * (p.shape[1] - 1), behind.size)
+    apart = gaps(benches, heads, heads + np.tile(behind, len(p)))
+    least: Floats = np.min(apart.reshape(len(p), -1), axis=1)
+    return least
 
 
-def front_gap(p: Floats, width_m: float = 0.3) -> float:
-    """Return the smallest gap (m) from the head's front corners to other benches; it is negative inside a bench."""
-    benches = rectangles(p, width_m)
-    seen, axis = benches.corners[0, (0, 3)][:, None] - benches.centre[2:], benches.axis[2:]
-    ahead = np.abs(np.sum(seen * axis, axis=-1)) - benches.half_length[2:]
-    aside = np.abs(axis[:, 0] * seen[..., 1] - axis[:, 1] * seen[..., 0]) - benches.half_width[2:]
-    return float(np.min(np.maximum(ahead, aside)))
+def front_gaps(p: Floats, width_m: float = 0.3) -> Floats:
+    """Return the smallest gaps (m, shape (T,)) from the head's front corners to other benches; negative inside one."""
+    benches, shape = rectangles(p, width_m), (len(p), 1, p.shape[1] - 1)
+    front = benches.corners.reshape(len(p), -1, 4, 2)[:, 0, (0, 3), None]
+    seen, axis = (front - benches.centre.reshape(*shape, 2))[:, :, 2:], benches.axis.reshape(*shape, 2)[:, :, 2:]
+    ahead = np.abs(np.sum(seen * axis, axis=-1)) - benches.half_length.reshape(shape)[:, :, 2:]
+    aside = np.abs(axis[..., 0] * seen[..., 1] - axis[..., 1] * seen[..., 0]) - 0.5 * width_m
+    least: Floats = np.min(np.maximum(ahead, aside), axis=(1, 2))
+    return least
 
 
-def first_touch_s(gap: Callable[[float], float], from_s: float = 405.0, to_s: float = 413.5) -> float:
+def first_touch_s(gap: GapAt, from_s: float = 405.0, to_s: float = 413.5) -> float:
     """Return the first time (s) at which a gap vanishes, found by steps of 0.05 s and regula falsi, or inf."""
-    low, at_low = from_s - 0.05, gap(from_s - 0.05)
-    for high in np.arange(from_s, to_s, 0.05).tolist():
-        if (at_high := gap(high)) <= 0 < at_low:
-            return illinois(gap, low, high, at_low, at_high)
-        low, at_low = high, at_high
-    return inf
+    times: Floats = np.concatenate(([from_s - 0.05], np.arange(from_s, to_s, 0.05)))
+    apart = gap(times)
+    ends = np.flatnonzero((apart[1:] <= 0) & (apart[:-1] > 0))
+    if not ends.size:
+        return inf
+    around = slice(int(ends[0]), int(ends[0]) + 2)
+    return illinois(lambda t_s: float(gap(np.array([t_s]))[0]), *times[around].tolist(), *apart[around].tolist())
 
 
 def touch_s(head: Head, rule: Rule, links_m: list[float] | None = None) -> float:
     """Return the time (s) of the head's first contact according to a recipe, or inf if there is none."""
     links = links_of(handles=FOLLOWING) if links_m is None else links_m
-    times: Floats = np.linspace(405.0, 413.45, 170)
-    every = points(placed_angles(head(times), rule, links))
-    first = next((n for n, p in enumerate(every) if head_gap(p) <= 0), None)
-    if first is None:
-        return inf
-
-    def gap(t_s: float) -> float:
-        return head_gap(points(placed_angles(head(np.array([t_s])), rule, links))[0])
-    return first_touch_s(gap, float(times[first]), float(times[first]) + 0.01)
+    return first_touch_s(lambda times_s: head_gaps(points(placed_angles(head(times_s), rule, links))))
 
 
-def gap_of(dragon: dict[str, float], gap: Gap = head_gap) -> Callable[[float], float]:
+def gap_of(dragon: dict[str, float], gap: Gap = head_gaps) -> GapAt:
     """Return the gap as a function of time, for the correct handles of a dragon with the given dimensions."""
     scene = Scene(dragon=Dragon(FOLLOWING, **dragon))
-    return lambda t_s: gap(state(scene, t_s).p, dragon.get('width_m', 0.3))
+    return lambda times_s: gap(states(scene, times_s.tolist()).p, dragon.get('width_m', 0.3))
 
 
-def stepped_touch_s(gap: Callable[[float], float], step_s: float) -> float:
+def stepped_touch_s(gap: GapAt, step_s: float) -> float:
     """Return the first multiple of a time step, from 405 s on, at which a gap is not positive."""
-    return next(k * step_s for k in range(ceil(405 / step_s), ceil(414 / step_s)) if gap(k * step_s) <= 0)
+    times: Floats = np.arange(ceil(405 / step_s), ceil(414 / step_s), dtype=np.float64) * step_s
+    return float(times[gap(times) <= 0][0])
 
 
 def contact_times_s() -> Iterator[MistakenAnswer]:
@@ -303,16 +302,16 @@ def contact_times_s() -> Iterator[MistakenAnswer]:
         yield MistakenAnswer('near_counts', {'near': near_m}, first_touch_s(_less(right, near_m)))
 
 
-def _less(gap: Callable[[float], float], near_m: float) -> Callable[[float], float]:
+def _less(gap: GapAt, near_m: float) -> GapAt:
     """Return a gap function whose values are smaller by a given distance."""
-    return lambda t_s: gap(t_s) - near_m
+    return lambda times_s: gap(times_s) - near_m
 
 
 # Question 3: the smallest pitch.
-def gap_at(pitch_m: float, radius_m: float, gap: Gap = head_gap) -> float:
-    """Return the gap (m) when the head is at a given radius on a spiral with the given pitch."""
-    scene = Scene(dragon=Dragon(27), track=Spiral(pitch_m, radius_m / pitch_m), solver='march')
-    return gap(state(scene, 0.0).p, 0.3)
+def gaps_at(pitch_m: float, head_m: Floats, gap: Gap = head_gaps) -> Floats:
+    """Return the gaps (m, shape (T,)) when the head is at given radii (m, shape (T,)) on a spiral with a pitch."""
+    theta = placed_angles(head_m * 2 * pi / pitch_m, chord(pitch_m=pitch_m), links_of(handles=28))
+    return gap(points(theta, pitch_m), 0.3)
 
 
 def radii_m(pitch_m: float, step_s: float) -> Floats:
@@ -327,7 +326,7 @@ def radii_m(pitch_m: float, step_s: float) -> Floats:
 def sampled_pitch_m(step_s: float) -> float:
     """Return the smallest pitch, in steps of 10 um, above which no sample in time shows a contact."""
     pitches = (0.45035 - 1e-5 * n for n in range(100))
-    return next(p for p in pitches if min(gap_at(p, r) for r in radii_m(p, step_s)) <= 0) + 1e-5
+    return next(p for p in pitches if np.min(gaps_at(p, radii_m(p, step_s))) <= 0) + 1e-5
 
 
 def least_pitch_m(gap: Callable[[float], float], low_m: float, high_m: float) -> float:
@@ -337,9 +336,10 @@ def least_pitch_m(gap: Callable[[float], float], low_m: float, high_m: float) ->
 
 def pitches_m() -> Iterator[MistakenAnswer]:
     """Yield the mistakes, each with the resulting smallest pitch."""
-    yield MistakenAnswer('on_circle', {}, least_pitch_m(lambda p: gap_at(p, RADIUS_M), 0.40, 0.44))
-    way_m = np.linspace(4.621, 4.627, 20).tolist()  # the time of the smallest gap, within half a turn before the circle
-    front_m = least_pitch_m(lambda p: min(gap_at(p, r, front_gap) for r in way_m), 0.4495, 0.4503)
+    on_circle_m = least_pitch_m(lambda p: float(gaps_at(p, np.array([RADIUS_M]))[0]), 0.40, 0.44)
+    yield MistakenAnswer('on_circle', {}, on_circle_m)
+    way_m = np.linspace(4.621, 4.627, 20)       # the time of the smallest gap, within half a turn before the circle
+    front_m = least_pitch_m(lambda p: float(np.min(gaps_at(p, way_m, front_gaps))), 0.4495, 0.4503)
     yield MistakenAnswer('front_corners', {}, front_m)
     for step_s in (1.0, 0.1):
         yield MistakenAnswer('pitch_looked', {'step': step_s}, sampled_pitch_m(step_s))
@@ -453,10 +453,10 @@ def _chord_behind(metres: Floats, chord_m: float, track: Track) -> Floats:
     """Return the distances (m, shape (T,)) along the turn of the points one chord behind, found by Newton's method."""
     here, behind = turn_points(metres, track), metres - chord_m
     for _ in range(_MOST_NEWTON):
-        place = track.places_at(behind, np.zeros_like(behind))
-        link = here - track.points(*place)
+        point, heading = track.poses(*track.places_at(behind, np.zeros_like(behind)))
+        link = here - point
         length = np.hypot(*link.T)
-        change = (length - chord_m) * length / np.sum(link * track.headings(*place), axis=-1)
+        change = (length - chord_m) * length / np.sum(link * heading, axis=-1)
         behind = behind + change
         if np.max(np.abs(change)) < 1e-13:
             break

@@ -41,6 +41,7 @@ RIGHT = 2e-6            # largest error (m or m/s) of correct values; allows six
 _B_M = PITCH_M / 2 / pi
 _ON_TRACK_M = 0.02      # largest rms distance (m) from the spiral at which handles count as on it
 _MOST_OFF_M = 1.0       # largest difference (m) between chord and link for handles placed by steps
+_SETTLED_M = 1e-10      # a shorter step (m) towards the nearest point of the track is the last one
 _FRONT = 20             # number of handles near the head, on which link errors have little effect
 _BETTER = 0.2           # fraction to which another order or other axes must reduce the error
 _NICE = tuple(m * 10.0 ** -e for e in range(5) for m in (1.0, 0.5, 0.25, 0.2))
@@ -198,8 +199,9 @@ def _in_order(found: Diagnosis, given: Floats, right: Floats) -> Floats:
     """
     some = np.unique(np.linspace(0, len(given) - 1, 24).astype(int))
     before = _misfit(given[some], right[some])
-    tried = {(axes, order): _misfit(_ordered(given[some] @ _matrix(axes), order), right[some])
-             for axes in _AXES for order in (0, 1, -1, 2, -2, None)}
+    front = {order: _ordered(given[some], order)[:, :_FRONT] for order in (0, 1, -1, 2, -2, None)}
+    tried = {(axes, order): _misfit(handles @ _matrix(axes), right[some])
+             for axes in _AXES for order, handles in front.items()}
     axes, order = min(tried, key=lambda one: tried[one])
     rigid = _rigid(given, right, before, tried[axes, order])
     if rigid is not None:
@@ -549,8 +551,9 @@ def contact_findings(t_s: float, near_s: float) -> list[Finding]:
         return [Finding('paper_contact', {})]
     if 405 < t_s < contact_s():
         gap = mistakes.gap_of({})
-        near_m = gap(t_s)
-        if near_m < 0.02 and all(gap(one) > near_m for one in np.arange(405.0, t_s - 0.02, 0.02).tolist()):
+        near_m = float(gap(np.array([t_s]))[0])
+        before: Floats = np.arange(405.0, t_s - 0.02, 0.02, dtype=np.float64)
+        if near_m < 0.02 and np.all(gap(before) > near_m):
             return [Finding('near_counts', {'near': near_m})]
     return []
 
@@ -599,7 +602,8 @@ def _turned(result: str, times_s: Floats, given: Floats, right: Floats, digits: 
         return _unknown(findings)
     dragon = Dragon(head_length_m=links[0] + 0.55, body_length_m=links[1] + 0.55)
     try:
-        remade = _turn_state(head_m, dragon, track, 0.0, 1.0).handles_m
+        scene, offset_s = turned_scene(dragon, track)
+        remade = state_at(scene, head_m + offset_s).handles_m
     except DragonError:         # the arcs are too tight for these links
         return _unknown(findings)
     explains = share(given, remade if digits is None else np.round(remade, digits), right)
@@ -643,36 +647,36 @@ def _along_track(given: Floats, head_m: Floats, turn: STurn) -> tuple[Floats, fl
     for handle in range(1, given.shape[1]):
         at = metres[-1] - np.hypot(*(given[:, handle] - given[:, handle - 1]).T)
         for _ in range(8):
-            place = track.places_at(at, np.zeros_like(at))
-            apart, heading = given[:, handle] - track.points(*place), track.headings(*place)
-            at = at + np.sum(apart * heading, axis=-1)
+            point, heading = track.poses(*track.places_at(at, np.zeros_like(at)))
+            apart = given[:, handle] - point
+            ahead_m = np.sum(apart * heading, axis=-1)
+            at = at + ahead_m
+            if np.max(np.abs(ahead_m)) < _SETTLED_M:
+                break
         metres.append(at)
         aside.append(apart[:, 0] * heading[:, 1] - apart[:, 1] * heading[:, 0])
     return np.stack(metres, axis=-1), float(np.sqrt(np.mean(np.square(aside))))
 
 
-def _turn_state(times_s: Floats, dragon: Dragon, track: STurn | None, shift_s: float, speed: float) -> TrueStates:
-    scene, offset_s = turned_scene(dragon, track)
-    return state_at(scene, speed * times_s + shift_s + offset_s)
+def _turn_head(metres: Floats, track: STurn | None) -> Floats:
+    """Return the points (m, shape (T, 2)) of a head at distances (m, shape (T,)) from the entry of a turn."""
+    return mistakes.turn_points(metres, track_of(track or STurn()))
 
 
 def _turn_euler(times_s: Floats, head: Floats, right: Floats) -> tuple[Finding, Floats] | None:
     """Return the Euler step that explains the head's positions, and the head's distance from the entry."""
-    def at(metres: Floats) -> Floats:
-        return _turn_state(metres, _ALONE, None, 0.0, 1.0).handles_m[:, 0]
-    per_step = (at(mistakes.euler_on_turn_m(times_s, 0.1)) - right) / 0.1
+    per_step = (_turn_head(mistakes.euler_on_turn_m(times_s, 0.1), None) - right) / 0.1
     scale = float(np.nansum(np.square(per_step)))
     step_s = nice(float(np.nansum((head - right) * per_step)) / scale) if scale > 0 else 0.0
     if not _LEAST_STEP_S < step_s < _MOST_STEP_S:
         return None
     metres = mistakes.euler_on_turn_m(times_s, step_s)
-    explains = share(head, at(metres), right)
+    explains = share(head, _turn_head(metres, None), right)
     return (Finding('euler', {'step': step_s}, explains), metres) if explains >= EXPLAINED else None
 
 
 _TURN_STARTS: dict[str, tuple[float, ...]] = {'shift': (0.0, 100.0, -100.0), 'speed': (1.0,), 'ratio': (2.0, 1.0, 3.0),
                                               'diameter': (9.0,), 'pitch': (1.7,)}
-_ALONE = Dragon(1, head_length_m=0.65)      # no turn is too tight for a single head
 Turn = tuple[Finding, STurn | None, float, float]
 
 
@@ -706,7 +710,7 @@ def _before_turn(times_s: Floats, head: Floats, noise_m: float) -> Finding:
     """Return a finding about the circle that the head approaches, if its motion up to the entry is correct."""
     for circle_m in _circles_m(times_s, head):
         before = times_s < 0
-        remade = _turn_state(times_s[before], _ALONE, STurn(diameter_m=circle_m), 0.0, 1.0).handles_m[:, 0]
+        remade = _turn_head(times_s[before], STurn(diameter_m=circle_m))
         if _worst(head[before], remade) <= max(noise_m, 1e-5):
             return Finding('circle_before', {'diameter': circle_m})
     return Finding('head_unknown', {})
@@ -725,7 +729,8 @@ def _fitted(name: str, value: float, circle_m: float, times: Floats, wanted: Flo
             ) -> tuple[float, float]:
     """Fit one parameter by the Gauss-Newton method; return the share of the error that it explains, and its value."""
     def at(one: float) -> Floats:
-        return _turn_state(times, _ALONE, *_turn_of(name, one, circle_m)).handles_m[:, 0]
+        track, shift_s, speed_m_s = _turn_of(name, one, circle_m)
+        return _turn_head(speed_m_s * times + shift_s, track)
     here = at(value)
     for _ in range(8):
         slope = (at(value + 1e-5) - here) / 1e-5
