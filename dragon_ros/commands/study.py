@@ -96,6 +96,8 @@ def _computed(arguments: Namespace, data: 'DataSet', complete: Callable[..., 'St
         there = kept.count
         if there:
             print(f'study: {there} of {counted(data.study.rows, "row")} already exist', file=sys.stderr)
+        if arguments.scheduler is not None and workers is None:     # an attempt may take half a minute
+            print(f'study: connecting to {arguments.scheduler}', file=sys.stderr)
         with Progress('study', 'rows', data.study.rows, initial=there) as shown:
             done = complete(kept, stop, partial(_show, shown, there), workers, arguments.scheduler)
     if done.done == done.total:

@@ -174,6 +174,13 @@ def test_a_mistake_is_one_line_and_exit_code_2(tmp_path, monkeypatch, capsys, ar
     assert err.count('\n') == 1
 
 
+def test_a_scheduler_is_named_before_it_is_asked(tmp_path, capsys):
+    assert main(['study', 'tolerances', '--output', str(tmp_path / 'x'), '--scheduler', 'nonsense://']) == 2
+    first, second = capsys.readouterr().err.splitlines()
+    assert first == 'study: connecting to nonsense://'
+    assert 'cannot be reached' in second
+
+
 def test_a_missing_library_is_named_with_the_cure(tmp_path):
     names = 'pyarrow', 'distributed'
     code = 'import sys\nfrom dragon_ros.__main__ import main\n' \
