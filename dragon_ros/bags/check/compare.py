@@ -188,17 +188,17 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
     made = bag.metadata(RECORD)
     made_by = made.get('about.dragon_ros')
     result = Comparison(None if made_by in (None, __version__) else made_by, other_kernel(made))
-    encode = encoders(scene, frame_id)
+    encode, why_last = encoders(scene, frame_id), ''
     if scene.is_led:
         most = 0 if bag.metadata(RECEIVED) else _MOST_LAST      # a killed recorder writes no record RECEIVED
-        _compare_led(result, scene, encode, _instants(bag, namespace, encode), most, progress)
+        why_last = _compare_led(result, scene, encode, _instants(bag, namespace, encode), most, progress)
     else:
         run = _PartOfRun(bag, scene, namespace, frame_id, contact_s, (result.other_version, result.other_kernel))
         spans = run.spans()
         for (_, end), part in zip(spans, compared(run, spans), strict=True):
             result.add(part)
             progress(end - 1)
-    _account(result, bag, scene, namespace, frame_id, set(encode))
+    _account(result, bag, scene, namespace, frame_id, dict.fromkeys(encode, why_last))
     return result
 
 
@@ -289,20 +289,21 @@ def _reopened(path: Path, *settings: Any) -> _PartOfRun:
 
 
 def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode], instants: Iterable[_Instant],
-                 most: int, progress: Callable[[int], object]) -> None:
-    """Compare the ticks of a led dragon, recomputed from the speeds recorded on its topic ``leader``.
+                 most: int, progress: Callable[[int], object]) -> str:
+    """Compare the ticks of a led dragon, recomputed from speeds on its topic ``leader``; return why some are left.
 
     A led run may end at any tick. In up to ``most`` final ticks, messages may be missing because a killed recorder had
     not received them yet, but those that exist must not differ. After a missing speed, no tick can be recomputed.
     """
     law, waiting, left = None, list[tuple[int, Frame, _Messages]](), iter(instants)
+    why = 'the last ticks are incomplete, probably because the recorder was killed'
     for k, (t_ns, recorded) in enumerate(left):
         speed_m_s = _walked_m_s(recorded.get('leader', []), t_ns)
         if t_ns != scene.run.time_ns(k) or speed_m_s is None:
             after = len(waiting) + sum(1 for _ in chain([t_ns], left))
             if recorded.get('leader') or after > most:
                 result.note('leader', k, 'does not occur exactly once; later ticks cannot be recomputed')
-                most = 0
+                why = f'the speed of tick {k} is not known'
             break
         law = law_on(scene, law, t_ns, speed_m_s)
         waiting.append((k, led_tick(compile_scene(scene), law, k), recorded))
@@ -316,17 +317,21 @@ def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
         _compare_ticks(trial, scene, {name: encode[name] for name in one[2]}, [one])
         for line in trial.faults:
             result.fault(line, 1)
+    return why
 
 
 def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, frame_id: str,
-             per_tick: set[str]) -> None:
-    """Account for messages that belong to no tick, or to a tick that could not be compared."""
+             per_tick: Mapping[str, str]) -> None:
+    """Account for messages that belong to no tick, or to a tick that could not be compared.
+
+    ``per_tick`` contains the topics that are compared at each tick, with the reason why ticks are left.
+    """
     once = dict[str, str]()
     for topic in bag.topics:
         name = topic.name.removeprefix(f'{namespace}/')
         left, row = topic.messages - result.seen[name], channels().get(name)
         if name in per_tick:
-            why = 'the last ticks are incomplete, probably because the recorder was killed'
+            why = per_tick[name]
         elif name in ENCODE and result.other_version is not None:
             why = 'another version draws it differently'
         elif name == 'scene' or name in ENCODE:
