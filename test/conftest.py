@@ -12,7 +12,8 @@ os.environ.setdefault('OPENBLAS_THREAD_TIMEOUT', '16')
 import numpy as np
 import pytest
 from _pytest.runner import runtestprotocol
-from hypothesis import HealthCheck, Phase, settings
+from hypothesis import HealthCheck, Phase, given, settings
+from hypothesis.strategies import none
 
 
 def pytest_addoption(parser):
@@ -50,6 +51,9 @@ def pytest_terminal_summary(terminalreporter):
 def pytest_configure(config):
     if config.getoption('--long'):
         settings.load_profile('repeatable')
+    # Hypothesis registers its random generator in the first property that runs, and searches for the generator's
+    # referrers. It would not find them among objects that are frozen when all tests are collected.
+    given(none())(lambda _: None)()
     gc.disable()        # until all tests are collected: almost nothing that is imported and collected is garbage
     os.environ['LC_ALL'] = 'C.UTF-8'        # commands use the language of the locale
     # Background jobs ignore SIGINT, and jobs under nohup ignore SIGHUP; processes started here would inherit this.
@@ -105,14 +109,8 @@ def longest_first(items, workers):
 
 
 def pytest_collection_finish():
-    """Collect garbage less often, because thousands of tests and the libraries stay in memory until the end.
-
-    These objects do not stay frozen, because Hypothesis searches for the referrers of random generators and would not
-    find them among frozen objects. Freezing and unfreezing move them to the oldest generation without visiting each of
-    them.
-    """
+    """Collect garbage less often, and never visit what was imported and collected, which stays until the end."""
     gc.freeze()
-    gc.unfreeze()
     gc.set_threshold(50_000, 20, 100)
     gc.enable()
 
