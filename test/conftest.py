@@ -51,15 +51,20 @@ def pytest_terminal_summary(terminalreporter):
 def pytest_configure(config):
     if config.getoption('--long'):
         settings.load_profile('repeatable')
-    # Hypothesis registers its random generator in the first property that runs, and searches for the generator's
-    # referrers. It would not find them among objects that are frozen when all tests are collected.
-    given(none())(lambda _: None)()
     gc.disable()        # until all tests are collected: almost nothing that is imported and collected is garbage
     os.environ['LC_ALL'] = 'C.UTF-8'        # commands use the language of the locale
     # Background jobs ignore SIGINT, and jobs under nohup ignore SIGHUP; processes started here would inherit this.
     for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, usual)
+
+
+def pytest_collection():
+    """Run an empty property, because Hypothesis registers its random generator in the first property.
+
+    It searches for the referrers of the generator, and would not find them among the objects that are frozen later.
+    """
+    given(none())(lambda _: None)()
 
 
 def pytest_make_parametrize_id(val):
