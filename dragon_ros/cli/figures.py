@@ -29,6 +29,9 @@ _STYLE = {
     'svg.hashsalt': 'dragon_ros', 'axes.formatter.useoffset': False,
     'figure.titlesize': 12, 'hatch.linewidth': 0.5, 'svg.fonttype': 'none', 'pdf.fonttype': 42,
 }
+# The settings that apply while a file is written: text stays text, and a figure without a layout engine gets none.
+_WRITTEN = {**{key: _STYLE[key] for key in ('svg.hashsalt', 'svg.fonttype', 'pdf.fonttype')},
+            'figure.autolayout': False, 'figure.constrained_layout.use': False}
 _LONGEST_NAME = 40          # maximum length of a name in a title, in characters
 _CHARACTERS_PER_INCH = 11   # number of characters per inch at the text size of a title
 _UNDATED: dict[str, dict[str, Any]] = {'.png': {'Software': None}, '.svg': {'Date': None},
@@ -147,14 +150,28 @@ def write(figure: Any, path: Path, dpi: int = 130, caption: str = '') -> Path:
     suffix = path.suffix.lower()
     if caption:
         _add_caption(figure, caption)
-    about = _in_metres(figure) if suffix == '.svg' else {}
     try:
-        with (whole_or_none(path, overwrite=True) as file,
-              matplotlib.rc_context({key: _STYLE[key] for key in ('svg.hashsalt', 'svg.fonttype', 'pdf.fonttype')})):
+        with whole_or_none(path, overwrite=True) as file, matplotlib.rc_context(_WRITTEN):
+            _lay_out(figure, dpi)
+            about = _in_metres(figure) if suffix == '.svg' else {}
             figure.savefig(file, format=suffix[1:], dpi=dpi, metadata={**_UNDATED[suffix], **about})
     except OSError as error:
         raise MissingError(f'{path}: cannot be written: {error.strerror}') from None
     return path
+
+
+def _lay_out(figure: Any, dpi: int) -> None:
+    """Compute the layout of a figure once for all formats, unless this has been done.
+
+    Otherwise, ``savefig`` would compute it again for each file, and draw the whole figure without output to do so.
+    """
+    layout = figure.get_layout_engine()
+    if layout is None or not figure.axes:
+        return
+    given, figure.dpi = figure.dpi, dpi
+    layout.execute(figure)
+    figure.set_layout_engine(None)
+    figure.dpi = given
 
 
 def _add_caption(figure: Any, caption: str) -> None:
@@ -183,8 +200,7 @@ def _in_metres(figure: Any) -> dict[str, str]:
         return {}
     from dragon_ros.scenes.drawings import METRES
     dpi, figure.dpi = figure.dpi, _SVG_DPI
-    figure.draw_without_rendering()
-    figure.set_layout_engine('none')
+    found[0].apply_aspect()
     (a, c, e), (b, d, f), _ = found[0].transData.inverted().get_matrix().tolist()
     height = float(figure.bbox.height)
     figure.dpi = dpi

@@ -3,7 +3,8 @@ import json
 import shlex
 import sys
 from argparse import Namespace
-from collections.abc import Callable
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -43,12 +44,9 @@ def main(argv: list[str]) -> int:
 
 
 def _run(arguments: Namespace) -> int:
-    try:
-        from dragon_ros.studies import answers, cluster, dataset
+    with _libraries():
+        from dragon_ros.studies import answers, dataset
         from dragon_ros.studies.study import load_study
-    except ImportError as error:
-        raise MissingError(f"{error.name}: it is not installed, but studies need it; pip install 'dragon_ros[study]', "
-                           'or use ./dragon study, which installs it') from None
     study = None if Path(arguments.study).is_dir() else load_study(arguments.study)
     folder = _folder_of(arguments)
     data = dataset.open_set(folder) if study is None else dataset.DataSet(folder, study)
@@ -57,7 +55,7 @@ def _run(arguments: Namespace) -> int:
         data = dataset.DataSet(folder, data.study.with_samples(arguments.samples))
     code = command_line.OK
     if study is not None or not arguments.plot:
-        code = _computed(arguments, data, cluster.complete)
+        code = _computed(arguments, data)
     elif arguments.workers is not None or arguments.scheduler is not None:
         raise InputError('--plot: with a FOLDER, no rows are computed; omit --workers and --scheduler', field='plot')
     found = answers.summary(data)
@@ -74,6 +72,16 @@ def _run(arguments: Namespace) -> int:
     return code
 
 
+@contextmanager
+def _libraries() -> Iterator[None]:
+    """Raise a MissingError if a library of studies that this block imports is not installed."""
+    try:
+        yield
+    except ImportError as error:
+        raise MissingError(f"{error.name}: it is not installed, but studies need it; pip install 'dragon_ros[study]', "
+                           'or use ./dragon study, which installs it') from None
+
+
 def _folder_of(arguments: Namespace) -> Path:
     """Return the folder of the data set, which may be given instead of a study."""
     given = Path(arguments.study)
@@ -87,8 +95,10 @@ def _folder_of(arguments: Namespace) -> Path:
     return output
 
 
-def _computed(arguments: Namespace, data: 'DataSet', complete: Callable[..., 'StudyProgress']) -> int:
+def _computed(arguments: Namespace, data: 'DataSet') -> int:
     """Compute missing rows with a progress bar; return the exit code."""
+    with _libraries():      # Dask takes a third of a second to import, and drawings do not need it
+        from dragon_ros.studies.cluster import complete
     from dragon_ros.cli.pool import workers_of
     from dragon_ros.studies import dataset
     workers = None if arguments.workers is None else workers_of(arguments.workers)

@@ -91,12 +91,14 @@ def test_every_kind_is_drawn_from_a_scene_and_from_a_bag(capsys, tmp_path, bag, 
     assert path.stat().st_size > 5000
 
 
-@pytest.mark.parametrize('suffix', thinned(['.png', '.svg'], lambda suffix: suffix == '.svg'))
-def test_the_same_picture_has_the_same_bytes(capsys, tmp_path, short, suffix):
-    paths = [tmp_path / f'{name}{suffix}' for name in 'ab']
-    for path in paths:
-        assert plot(capsys, 'contact', *short, '--output', path)[0] == 0
-    assert paths[0].read_bytes() == paths[1].read_bytes()
+@pytest.mark.parametrize(('suffix', 'other'), thinned([('.png', '.svg'), ('.svg', '.png')],
+                                                      lambda case: case[0] == '.png'))
+def test_the_same_picture_has_the_same_bytes_alone_and_after_one_in_another_format(capsys, tmp_path, short, suffix,
+                                                                                   other):
+    alone, after = (tmp_path / f'{name}{suffix}' for name in ('alone', 'after'))
+    assert plot(capsys, 'contact', *short, '--output', alone)[0] == 0
+    assert plot(capsys, 'contact', *short, '--output', tmp_path / f'a{other}', '--output', after)[0] == 0
+    assert alone.read_bytes() == after.read_bytes()
 
 
 def test_a_bag_shows_what_its_scene_shows(scene, bag):

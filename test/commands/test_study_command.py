@@ -66,8 +66,10 @@ def test_a_study_is_computed_drawn_and_not_computed_again(tmp_path, monkeypatch,
     pytest.param(RANDOM.replace('DESIGN', 'sobol'), 9, 'data: 9 of 16 rows', marks=pytest.mark.long),
     (RANDOM.replace('DESIGN', 'saltelli'), None, 'data: 64 of 64 rows'),
     (CURVE, None, 'data: 5 of 5 rows')])
-def test_each_design_has_its_picture(computed, capsys, request, text, rows, said):
+def test_each_design_has_its_picture_and_drawing_it_needs_no_dask(computed, capsys, monkeypatch, request, text, rows,
+                                                                  said):
     folder = computed(text, rows)
+    monkeypatch.setitem(sys.modules, 'dragon_ros.studies.cluster', None)
     assert main(['study', 'data', '--plot']) == 0
     assert said in capsys.readouterr().out
     assert drawn(folder) == ['lock_t_s.png', 'lock_t_s.svg']
