@@ -31,6 +31,7 @@ from dragon_ros.core.tracks.composite import Track
 
 STEP_M = 0.1            # spacing of the front handle's positions
 _ENDS = ((0, 3), (1, 2))     # the indices of the corners at the front and at the rear
+_TOGETHER = 32          # number of neighbouring polygons that are united first
 _MOST_PLACES = 40_000   # maximum number of positions; if more are needed, the step is increased
 
 
@@ -52,12 +53,12 @@ class SweptArea:
     @cached_property
     def head(self) -> Any:
         """The polygon that the head sweeps."""
-        return union_all(self.head_parts)
+        return _united(self.head_parts)
 
     @cached_property
     def body(self) -> Any:
         """The polygon that the body sweeps."""
-        return union_all(self.body_parts)
+        return _united(self.body_parts)
 
     @cached_property
     def whole(self) -> Any:
@@ -97,6 +98,12 @@ def _placed(ranges: HandleRanges, bench: int, span: Floats, step_m: float) -> tu
         at_m += [along, *(along[1:][some] for some in swept)]
         placed += [polygons(corners), *(each[some] for each, some in zip(ends, swept, strict=True))]
     return np.concatenate(at_m), np.concatenate(placed)
+
+
+def _united(parts: Any) -> Any:
+    """Return the union of polygons (n,) that follow each other; uniting neighbours first takes half the time."""
+    groups = np.concatenate((parts, np.full(-len(parts) % _TOGETHER, None))).reshape(-1, _TOGETHER)
+    return union_all(union_all(groups, axis=1))
 
 
 def room_every_metre(scene: Scene, swept: SweptArea) -> tuple[Floats, Floats]:
