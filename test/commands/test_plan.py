@@ -9,7 +9,7 @@ from shapely import LineString, Polygon, box, distance, polygons, prepare, unary
 from shapely.geometry import shape
 
 from dragon_ros.__main__ import main
-from dragon_ros.commands.plan import SCALES, Plan, _drawing, _pages, _said, _sheet, _windows, mark_offsets
+from dragon_ros.commands.plan import SCALES, Plan, _drawing, _pages, _said, _sheet, _windows, geojson, mark_offsets
 from dragon_ros.core.batches import states
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.model import compile_scene
@@ -20,13 +20,13 @@ from dragon_ros.scenes.load import load_scene
 
 @pytest.fixture(scope='module')
 def scene():
-    return load_scene('street', ['dragon.benches=12'])
+    return load_scene('street', ['dragon.benches=12', 'run.stop_s=75'])     # until the head is behind both corners
 
 
 @pytest.fixture(scope='module')
 def benches(scene):
-    """All benches at 2,000 times during the run, as polygons."""
-    times = np.linspace(0, compile_scene(scene).end.t_s, 2000).tolist()
+    """All benches at 1,200 times during the run, as polygons."""
+    times = np.linspace(0, compile_scene(scene).end.t_s, 1200).tolist()
     chain = states(scene, times)
     return polygons(benches_of(chain, scene.dragon, axes_of(chain)).corners.reshape(-1, 4, 2))
 
@@ -74,9 +74,12 @@ def test_a_scene_without_a_venue_has_a_plan_without_gaps(capsys, tmp_path):
     assert 'gap' not in _said(Plan(load_scene('street', ['venue=null', 'dragon.benches=5', 'run.stop_s=20']), 'x'))
 
 
-def test_a_dragon_that_stands_still_has_a_plan_of_its_benches(capsys, tmp_path):
-    assert run(capsys, '--scene', 'winding', '--set', 'dragon.benches=40', '--set', 'run.stop_s=0', '--output',
-               tmp_path / 'a.pdf')[0] == 0
+def test_a_dragon_that_stands_still_has_a_plan_of_its_benches():
+    plan = Plan(load_scene('winding', ['dragon.benches=40', 'run.stop_s=0']), 'x')
+    total, pages = _pages(plan, *_sheet(Namespace(paper=None, scale=None), plan))
+    drawn = [page.draw_without_rendering() for page in pages]
+    assert (len(drawn), total) == (2, 2)
+    assert json.loads(geojson(plan))['features'][0]['geometry']['coordinates']
 
 
 def test_dollars_in_a_title_or_a_name_are_no_formula(capsys, tmp_path):
@@ -107,10 +110,10 @@ def test_head_and_tail_pass_marks_when_they_have_gone_there(scene, plan):
     assert np.nansum(tail > head) == np.sum(~np.isnan(tail) & ~np.isnan(head)) > 0
 
 
-def test_a_pdf_is_to_scale_and_a_geojson_in_metres(capsys, tmp_path, scene):
+def test_a_pdf_is_to_scale_and_a_geojson_in_metres(capsys, tmp_path):
     pdf, area = tmp_path / 'plan.pdf', tmp_path / 'area.geojson'
-    options = '--scene', 'street', '--set', 'dragon.benches=5', '--set', 'run.stop_s=55'
-    assert run(capsys, *options, '--output', pdf, '--scale', '1:200', '--paper', 'A4')[0] == 0
+    options = '--scene', 'street', '--set', 'dragon.benches=3', '--set', 'run.stop_s=18'
+    assert run(capsys, *options, '--output', pdf, '--scale', '1:100', '--paper', 'A4')[0] == 0
     data = pdf.read_bytes()
     sizes = re.findall(rb'/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]', data)
     assert [tuple(round(float(value) / 72 * 25.4) for value in size) for size in sizes] == [(297, 210)] * len(sizes)
@@ -119,14 +122,14 @@ def test_a_pdf_is_to_scale_and_a_geojson_in_metres(capsys, tmp_path, scene):
     assert (code, 'area.geojson: in metres' in out) == (0, True)
     assert json.loads(area.read_text())['units'] == 'm'
     features = {one['properties']['name']: shape(one['geometry']) for one in json.loads(area.read_text())['features']}
-    assert features['swept by the head'].area > 19
+    assert features['swept by the head'].area == pytest.approx(0.3 * (3.41 + 18))
     assert 'gap to lamp post' in features
 
 
-def test_a_geojson_of_a_scene_with_an_origin_is_in_degrees(capsys, tmp_path, scene, plan):
+def test_a_geojson_of_a_scene_with_an_origin_is_in_degrees(capsys, tmp_path):
     pyproj = pytest.importorskip('pyproj')
     area, origin = tmp_path / 'area.geojson', (113.1, 23.0)
-    _, out, _ = run(capsys, '--scene', 'street', '--set', 'dragon.benches=12', '--set',
+    _, out, _ = run(capsys, '--scene', 'street', '--set', 'dragon.benches=12', '--set', 'run.stop_s=5', '--set',
                     f'venue.origin_deg={list(origin)}', '--output', area)
     assert 'area.geojson: in degrees (RFC 7946)' in out
     values = json.loads(area.read_text())
@@ -134,16 +137,18 @@ def test_a_geojson_of_a_scene_with_an_origin_is_in_degrees(capsys, tmp_path, sce
     features = {one['properties']['name']: shape(one['geometry']) for one in values['features']}
     head = features['swept by the head']
     square_m, _ = pyproj.Geod(ellps='WGS84').geometry_area_perimeter(head)
+    plan = Plan(load_scene('street', ['dragon.benches=12', 'run.stop_s=5']), 'x')
     # The area is positive because the outer ring is anticlockwise.
     assert square_m == pytest.approx(plan.swept.head.area, rel=1e-5)
-    x, y = compile_scene(scene).track_line(1e-3)[-1]
-    lon, lat, _ = pyproj.Geod(ellps='WGS84').fwd(*origin, np.degrees(np.arctan2(x, y)), np.hypot(x, y))
-    assert np.array(features['track'].coords)[0] == pytest.approx((lon, lat), abs=1e-8)
+    for n in (0, -1):
+        x, y = plan.line[n]
+        lon, lat, _ = pyproj.Geod(ellps='WGS84').fwd(*origin, np.degrees(np.arctan2(x, y)), np.hypot(x, y))
+        assert np.array(features['track'].coords)[n] == pytest.approx((lon, lat), abs=1e-8)
 
 
 def test_a_broken_margin_is_said(capsys, tmp_path):
-    code, out, _ = run(capsys, '--scene', 'street', '--set', 'dragon.benches=5', '--set', 'venue.margin_m=1',
-                       '--set', 'run.stop_s=55', '--output', tmp_path / 'a.geojson')
+    code, out, _ = run(capsys, '--scene', 'street', '--set', 'dragon.benches=2', '--set', 'venue.margin_m=1',
+                       '--set', 'run.start_s=38', '--set', 'run.stop_s=45', '--output', tmp_path / 'a.geojson')
     assert code == 0
     assert re.search(r'lamp post: 0\.9\d\d m \(too small\)', out)
 
@@ -183,7 +188,7 @@ def test_pages_without_any_part_of_the_dragon_are_left_out_and_pages_say_where_t
 
 
 def test_a_plan_can_be_read_without_its_colours():
-    scene = load_scene('square', ['dragon.benches=5', 'venue.margin_m=1.2', 'run.stop_s=55'])
+    scene = load_scene('square', ['dragon.benches=5', 'venue.margin_m=1.2', 'run.start_s=50', 'run.stop_s=55'])
     drawn = _drawing(Plan(scene, 'x'), 'A3', 500, np.array([[-60.0, -20.0], [80.0, 80.0]]), (1, 1)).axes[0]
     hatches = {one.get_label(): one.get_hatch() for one in drawn.patches if one.get_label()}
     assert len({hatches[name] for name in ('obstacles', 'swept by the head', 'swept by the body')}) == 3
