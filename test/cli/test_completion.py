@@ -8,42 +8,57 @@ import pytest
 from dragon_ros.configuration import scene_names
 from dragon_ros.executables import EXECUTABLES
 
+LINES = {
+    'dragon ta': {'table'},
+    'dragon table --sc': {'--scene'},
+    'dragon table --scene ': {*scene_names(), 'my.yaml'},
+    'dragon table --scene=w': {'--scene=winding'},
+    'dragon contact --set track.pi': {'track.pitch_m=', 'track.pieces='},
+    'dragon table --accuracy f': {'fine'},
+    'dragon plot c': {'clearance', 'contact'},
+    'dragon plot dragon --bag r': {'run.mcap'},
+    'dragon cost a': {'accuracy', 'all'},
+    './dragon view --no': {'--no-browser'},
+}
+EVERY = 'dragon '
+SHELL = {'_ARGCOMPLETE': '1', '_ARGCOMPLETE_IFS': '\n', '_ARGCOMPLETE_SHELL': 'bash', 'COMP_TYPE': '9'}
+# For each line, a process that has imported the package's entry point does what the shell's new process does.
+EACH = """
+import os, sys
+from dragon_ros.__main__ import main
+lines, sys.argv = sys.argv[1:], ['dragon']
+for number, line in enumerate(lines):
+    if not (child := os.fork()):
+        os.environ.update(COMP_LINE=line, COMP_POINT=str(len(line)))
+        os.dup2(os.open(f'answer_{number}', os.O_WRONLY | os.O_CREAT), 8)
+        main([])
+        os._exit(1)     # main does not return
+    if os.waitpid(child, 0)[1]:
+        sys.exit(f'{line}: it failed')
+"""
 
-def completions(line, cwd):
-    """Return the completions that the tab key offers at the end of a line, and the finished process."""
-    read, write = os.pipe()
-    asked = {**os.environ, 'COMP_LINE': line, 'COMP_POINT': str(len(line)), '_ARGCOMPLETE': '1',
-             '_ARGCOMPLETE_IFS': '\n', '_ARGCOMPLETE_SHELL': 'bash', 'COMP_TYPE': '9'}
-    code = f'import os, sys; os.dup2({write}, 8); sys.argv = ["dragon"]\n' \
-           'from dragon_ros.__main__ import main\nmain([])'
-    done = subprocess.run([sys.executable, '-c', code], env=asked, cwd=cwd, pass_fds=[write], check=False,
-                          capture_output=True, text=True)
-    os.close(write)
-    with os.fdopen(read) as answer:
-        return {word.strip() for word in answer.read().split('\n')}, done
 
-
-@pytest.mark.parametrize(('line', 'offered'), [
-    ('dragon ta', {'table'}),
-    ('dragon table --sc', {'--scene'}),
-    ('dragon table --scene ', {*scene_names(), 'my.yaml'}),
-    ('dragon table --scene=w', {'--scene=winding'}),
-    ('dragon contact --set track.pi', {'track.pitch_m=', 'track.pieces='}),
-    ('dragon table --accuracy f', {'fine'}),
-    ('dragon plot c', {'clearance', 'contact'}),
-    ('dragon plot dragon --bag r', {'run.mcap'}),
-    ('dragon cost a', {'accuracy', 'all'}),
-    ('./dragon view --no', {'--no-browser'}),
-])
-def test_the_tab_key_offers_what_fits(tmp_path, line, offered):
+@pytest.fixture(scope='module')
+def completed(tmp_path_factory):
+    """The completions that the tab key offers at the end of each line, and the finished process."""
+    folder = tmp_path_factory.mktemp('completion')
     for name in ('my.yaml', 'run.mcap'):
-        (tmp_path / name).touch()
-    assert completions(line, tmp_path)[0] == offered
+        (folder / name).touch()
+    lines = [*LINES, EVERY]
+    done = subprocess.run([sys.executable, '-c', EACH, *lines], env={**os.environ, **SHELL}, cwd=folder, check=False,
+                          capture_output=True, text=True)
+    return {line: {word.strip() for word in (folder / f'answer_{number}').read_text().split('\n')}
+            for number, line in enumerate(lines)}, done
 
 
-def test_every_executable_is_offered_and_nothing_else_is_written(tmp_path):
-    offered, done = completions('dragon ', tmp_path)
-    assert set(EXECUTABLES) <= offered
+@pytest.mark.parametrize('line', LINES)
+def test_the_tab_key_offers_what_fits(completed, line):
+    assert completed[0][line] == LINES[line]
+
+
+def test_every_executable_is_offered_and_nothing_else_is_written(completed):
+    offered, done = completed
+    assert set(EXECUTABLES) <= offered[EVERY]
     assert (done.stdout, done.stderr, done.returncode) == ('', '', 0)
 
 

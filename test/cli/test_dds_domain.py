@@ -38,7 +38,7 @@ def test_a_domain_with_any_participant_is_not_free(of, address):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as participant:
         participant.bind((address, BASE + GAIN * DOMAIN + of))
         assert chosen(20) == {OTHER}
-    assert DOMAIN in chosen(60)
+    assert any(chosen(1) == {DOMAIN} for _ in range(60))
 
 
 def test_where_none_is_free_one_is_returned_all_the_same():
@@ -49,10 +49,11 @@ def test_where_none_is_free_one_is_returned_all_the_same():
 
 def test_two_who_look_at_the_same_time_get_two_domains():
     first = free_domain([DOMAIN, OTHER])
-    command = f'from dragon_ros.cli.dds_domain import free_domain; print(free_domain([{DOMAIN}, {OTHER}]))'
-    for _ in range(5):
-        found = subprocess.run([sys.executable, '-c', command], capture_output=True, text=True, check=True, timeout=60)
-        assert {first, int(found.stdout)} == {DOMAIN, OTHER}
+    command = ('from dragon_ros.cli.dds_domain import free_domain, give_up_domains\n'
+               f'for _ in range(20): print(free_domain([{DOMAIN}, {OTHER}])); give_up_domains()')
+    found = subprocess.run([sys.executable, '-c', command], capture_output=True, text=True, check=True, timeout=60)
+    assert {first, *map(int, found.stdout.split())} == {DOMAIN, OTHER}
+    assert str(first) not in found.stdout.split()
 
 
 def test_a_process_that_looks_for_many_keeps_the_last_ones(monkeypatch):

@@ -56,11 +56,12 @@ def test_fit_says_whether_it_does(capsys, side, says):
     ('1.2', 1, 'the dragon does not fit, because the gap is less than 1.2 m to lamp post\n'),
     ('2', 1, 'to lamp post, left wall, right wall\n')], lambda case: case[0] == '1.2'))
 def test_fit_in_a_venue_tells_each_gap_and_what_lacks_margin(capsys, margin_m, code, says):
-    found, out, _ = run(capsys, 'fit', '--scene', 'street', '--set', f'venue.margin_m={margin_m}')
+    scene = '--scene', 'street', '--set', 'dragon.benches=8', '--set', 'run.stop_s=75'
+    found, out, _ = run(capsys, 'fit', *scene, '--set', f'venue.margin_m={margin_m}')
     assert (found, out.splitlines()[0][:22]) == (code, 'lamp post: 0.939000 m,')
     assert says in out
     said = out
-    found, out, _ = run(capsys, 'fit', '--scene', 'street', '--set', f'venue.margin_m={margin_m}', '--format', 'json')
+    found, out, _ = run(capsys, 'fit', *scene, '--set', f'venue.margin_m={margin_m}', '--format', 'json')
     assert (found, json.loads(out)['venue'][0]['name']) == (code, 'lamp post')
     room = json.loads(out)['room']
     width, at = max(zip(np.add(room['left_m'], room['right_m']), room['at_m'], strict=True))

@@ -102,7 +102,7 @@ def test_a_mutant_counts_as_caught_where_a_test_fails(tmp_path, source, outcome,
 
 
 def test_a_mutant_that_does_not_end_counts_as_caught(tmp_path):
-    source = 'def two():\n    while 1 - 1:\n        pass\n    return 2\n'
+    source = 'import time\n\n\ndef two():\n    while 1 - 1:\n        time.sleep(1)\n    return 2\n'
     assert outcome_of(tmp_path, source, extra_s=0.5) == ('caught', 'no end')
 
 
