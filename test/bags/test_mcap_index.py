@@ -12,8 +12,9 @@ from mcap.reader import make_reader
 from mcap.records import Chunk, MessageIndex, MetadataIndex
 from mcap.stream_reader import StreamReader
 
+from dragon_ros.bags.record import simulation_clock
 from dragon_ros.bags.record.loss_accounting import LossAccount
-from dragon_ros.bags.record.simulation_clock import MOST_HELD, SimulationClock
+from dragon_ros.bags.record.simulation_clock import SimulationClock
 from dragon_ros.bags.record.writer_thread import WriterThread
 from dragon_ros.bags.write.mcap import FileParts, Stored, around, record_bytes
 from dragon_ros.bags.write.writer import BagWriter
@@ -80,7 +81,7 @@ class Recording:
 
     def fill_ticks(self):
         """Fill the clock's list of ticks, whose length is bounded, with ticks from before the recording."""
-        for k in range(-2 * MOST_HELD, 0):
+        for k in range(-2 * simulation_clock._MARKS, 0):
             self.clock.mark(10**18 + k * 10**7, k)
 
     def log(self, topic, data, t_ns, sequence, source_ns):
@@ -105,16 +106,18 @@ class Recording:
         return tracemalloc.get_traced_memory()[0]
 
 
-def test_a_long_recording_holds_less_than_100_bytes_for_each_of_its_chunks(tmp_path):
+def test_a_long_recording_holds_less_than_100_bytes_for_each_of_its_chunks(tmp_path, monkeypatch):
+    monkeypatch.setattr(simulation_clock, '_MARKS', 1000)       # a tenth, so that they are full and emptied sooner
+    monkeypatch.setattr(simulation_clock, '_DROPPED', 100)
     recording = Recording(tmp_path / 'a.mcap')
     tracemalloc.start()
     try:
         recording.fill_ticks()
-        held = [recording.go_on(2100), recording.go_on(1000), recording.go_on(1000)]    # first, fill bounded buffers
+        held = [recording.go_on(1000), recording.go_on(400), recording.go_on(400)]    # first, fill bounded buffers
     finally:
         tracemalloc.stop()
         recording.writer.stop()
         recording.bag.close()
     assert recording.losses.complete(ended=False)
     # What the recording holds grows in both spans; another thread of pytest may allocate memory in one of them.
-    assert 0 < min(np.diff(held)) < 1000 * 100
+    assert 0 < min(np.diff(held)) < 400 * 100
