@@ -47,8 +47,8 @@ SUBSTITUTES = {
     './dragon grade class': ('grade --help', "requires a class's files; test/commands/test_grade_files.py has some"),
     './dragon view': ('view --help', 'runs until Ctrl-C; test/commands/test_view.py tests the page'),
     './dragon record --output live.mcap': ('record --help', 'waits for a sim; test/nodes/test_record.py starts one'),
-    './dragon sim --scene small.yaml': ('sim --scene small.yaml --ros-args -p time_scale:=0.0 -p discovery_s:=0.0',
-                                        'the same run, without taking 20 s of real time'),
+    './dragon sim --scene small.yaml': ('sim --scene small.yaml --set run.stop_s=5 --ros-args -p time_scale:=0.0 '
+                                        '-p discovery_s:=0.0', 'a shorter run, which does not take real time'),
     './dragon sim --set': ('sim --set run.stop_s=0.1 --ros-args -p time_scale:=0.0 -p discovery_s:=0.0 -p '
                            'robot_description:=true', 'a shorter run; test/nodes/test_graph.py tests the topics'),
     './dragon sim --scene led': ('sim --scene led --set run.stop_s=0.2 --ros-args -p discovery_s:=0.0',
@@ -56,6 +56,8 @@ SUBSTITUTES = {
     './dragon monitor': ('monitor --help', 'runs until Ctrl-C; test/nodes/test_examples.py publishes handles for it'),
     './dragon table --contest': (None, 'takes half a minute on a busy machine; '
                                 'test/commands/test_contest_files.py writes the tables'),
+    './dragon simulate --scene small.yaml': ('simulate --scene small.yaml --set run.stop_s=5 --output small.mcap',
+                                             'a shorter run'),
     './dragon simulate --scene first_contact': (
         'simulate --scene first_contact --set run.start_s=404 --set run.stop_s=406 --output run.mcap', 'a shorter run'),
     './dragon contact --near-misses': ('contact --scene first_contact --near-misses 0.01 --certificate proof.json',
@@ -76,6 +78,10 @@ SUBSTITUTES = {
         'a smaller dragon and a shorter run'),
     './dragon plot dragon --scene street --times 60': (
         'plot dragon --scene street --times 60 --dpi 30 --output street.png', 'a smaller picture'),
+    './dragon plot dragon --bag small.mcap': ('plot dragon --bag small.mcap --times 5 --dpi 30 --output small.png',
+                                              'a smaller picture'),
+    './dragon plot dragon --scene dance.yaml': (
+        'plot dragon --scene dance.yaml --times 12 --dpi 30 --output dance.png', 'a smaller picture'),
     './dragon plot dragon --scene square --times': (
         'plot dragon --scene square --times 100 --dpi 30 --output square.png', 'a smaller picture'),
     './dragon plan --scene s': ('plan --help', 'like the plans above; test/commands/test_plan.py draws one of them'),
