@@ -3,7 +3,6 @@ import importlib.util
 import re
 import shlex
 import shutil
-import subprocess
 import sys
 from pathlib import Path
 
@@ -143,27 +142,25 @@ def environment_in(folder):
     return {**local_environment(free_domain()), 'ROS_LOG_DIR': str(folder / 'log')}
 
 
-def run(arguments, folder):
-    """Run Python in a separate process; return its exit code and its output on both streams."""
-    done = subprocess.run([sys.executable, *arguments], cwd=folder, env=environment_in(folder), capture_output=True,
-                          text=True, timeout=LONGEST_S, check=False)
-    return done.returncode, done.stdout, done.stderr
+def run(arguments, folder, program=None):
+    """Run an executable, or a program, in a separate process; return its exit code and what it printed."""
+    process = Forked(arguments, environment_in(folder), folder, program=program)
+    try:
+        code = process.wait(LONGEST_S)      # the pipe holds more than these print
+    finally:
+        process.kill()
+    with process.stdout as output:
+        return code, output.read()
 
 
 @pytest.fixture
 def command(tmp_path, monkeypatch, capsys):
-    """A function like ``run`` that runs a command in the test's folder; only nodes run in their own process."""
+    """Run a command in the test's folder; only nodes run in their own process."""
     monkeypatch.chdir(tmp_path)
 
     def run_here(arguments):
         if arguments[0] in EXECUTABLES and EXECUTABLES[arguments[0]].module == NODES:
-            process = Forked(arguments, environment_in(tmp_path), tmp_path)
-            try:
-                code = process.wait(LONGEST_S)      # the pipe holds more than these commands print
-            finally:
-                process.kill()
-            with process.stdout as output:
-                return code, output.read(), ''
+            return *run(arguments, tmp_path), ''
         try:
             code = main(arguments)
         except SystemExit as end:
@@ -254,11 +251,13 @@ def test_the_drawing_of_the_square_becomes_its_track_within_the_tolerance(venue_
                                          lambda path: path.name != 'studies.md'), ids=lambda path: path.name)
 def test_every_python_program_in_a_document_runs(path, tmp_path):
     write_files(path, tmp_path)
+    program = tmp_path / 'program.py'
     for text in re.findall(r'^```python\n(.*?)^```', path.read_text(), re.DOTALL | re.MULTILINE):
         if 'rclpy' in text:
             pytest.importorskip('rclpy')
-        code, _, err = run(['-c', text], tmp_path)
-        assert code == 0, err
+        program.write_text(text)
+        code, output = run([], tmp_path, program)
+        assert code == 0, output
 
 
 def test_every_substitute_stands_for_a_command_of_a_document():
