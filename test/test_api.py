@@ -31,9 +31,12 @@ def test_every_example_of_its_page_runs(bag, monkeypatch):
     __import__('matplotlib').use('agg')
     names: dict = {}
     for block in re.findall(r'```python\n(.*?)```', PAGE, re.S):
+        if 'contact_within' in block:
+            names['run'] = dr.compile(dr.scene('winding', dragon={'benches': 12}))      # bench 0 meets bench 9
         exec(compile(block, 'docs/python.md', 'exec'), names)
     assert names['found'].benches == (0, 8)
     assert names['found'].t_s == pytest.approx(412.473837682115, abs=1e-9)
+    assert round(names['family'].proved_s, 2) == 405.38
     assert names['motion'].handles_m.shape == (11, 13, 2)
 
 
@@ -136,8 +139,9 @@ def test_a_bag_is_its_ticks_and_its_scene(bag):
 
 def test_a_scene_draws_itself():
     run = dr.compile(dr.scene('winding', dragon={'benches': 20}, run={'stop_s': 5}))
-    assert run._repr_svg_().lstrip().startswith('<?xml')
-    assert 'svg' in run._repr_svg_()
+    drawn = run._repr_svg_()
+    assert drawn.lstrip().startswith('<?xml')
+    assert '<svg' in drawn
 
 
 WINDING = dr.scene('winding')
@@ -191,22 +195,22 @@ def test_only_public_names_are_listed():
 
 
 def test_the_speed_of_the_leader_under_a_limit_is_that_of_the_command(capsys):
-    scene = dr.scene('turning')
-    assert main(['design', 'max-speed', '--limit', '2', '--format', 'json']) == 0
+    assert main(['design', 'max-speed', '--set', 'dragon.benches=24', '--limit', '2', '--format', 'json']) == 0
     said = json.loads(capsys.readouterr().out)
-    assert dr.design.max_speed(scene).leader_m_s(2.0) == (said['speed_m_s'], said['uncertainty_m_s'])
+    fastest = dr.design.max_speed(dr.scene('turning', dragon={'benches': 24}))
+    assert fastest.leader_m_s(2.0) == (said['speed_m_s'], said['uncertainty_m_s'])
     with pytest.raises(InputError, match='limit_m_s: 0'):
-        dr.design.max_speed(scene).leader_m_s(0)
+        fastest.leader_m_s(0)
 
 
 def test_the_smallest_pitch_of_a_scene_starts_where_the_scene_does_as_in_the_command(capsys):
-    options = ['--set', 'dragon.benches=24', '--set', 'track.start_turns=11', '--within', '1e-6', '--format', 'json']
+    options = ['--set', 'dragon.benches=24', '--set', 'track.start_turns=11', '--within', '1e-3', '--format', 'json']
     assert main(['design', 'min-pitch', '--scene', 'winding', *options]) == 0
     said = json.loads(capsys.readouterr().out)
     scene = dr.scene('winding', dragon={'benches': 24}, track={'start_turns': 11})
-    found = dr.design.min_pitch(scene, within_m=1e-6)
+    found = dr.design.min_pitch(scene, within_m=1e-3)
     assert (found.low_m, found.high_m, found.states) == (said['low_m'], said['high_m'], said['states'])
-    assert found.states != dr.design.min_pitch(scene.dragon, within_m=1e-6).states
+    assert found.states != dr.design.min_pitch(scene.dragon, within_m=1e-3).states
 
 
 def test_the_turn_is_that_of_the_command(capsys):
