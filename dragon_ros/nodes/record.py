@@ -67,6 +67,7 @@ class Recorder(DragonNode):
         self._first_word, self._word, self._awaited_s, self._heard_s = FirstWord(), LastWord(), 0.0, 0.0
         self._skips, self._skipped_before = EvenSkips(), 0
         self._several: dict[str, list[str]] = {}
+        self._invalid = Counter[str]()       # by topic, the number of messages whose stamp or content is invalid
         self._named = set[str]()        # topics with messages that were left out
         self._health: Publisher | None = None
         self._unsubscribed = list(channels().values())
@@ -155,8 +156,8 @@ class Recorder(DragonNode):
 
     def _is_complete(self, gone: bool) -> bool:
         """Return whether the closed bag contains all messages that are known to have been published."""
-        return (self.losses.complete(gone) and not self._unpaired and not self._word.is_missing
-                and self.bag.kept >= self.losses.received)
+        return (self.losses.complete(gone) and not self._unpaired and not self._invalid
+                and not self._word.is_missing and self.bag.kept >= self.losses.received)
 
     @property
     def _unpaired(self) -> Counter[str]:
@@ -203,9 +204,10 @@ class Recorder(DragonNode):
                                       'no reader accepts them')
 
     def _left_out(self) -> dict[str, str]:
-        """Return the missing parts: messages by topic (too large, or of an unknown tick), and a monitor's reports."""
+        """Return what is missing: messages by topic (too large, invalid, or of an unknown tick), and reports."""
         found = {f'{topic} too large': str(count) for topic, count in self.bag.left_out.items()}
         found |= {f'{topic} of an unknown tick': str(count) for topic, count in self._unpaired.items()}
+        found |= {f'{topic} invalid': str(count) for topic, count in self._invalid.items()}
         found |= {'monitor last word': 'missing'} if self._word.is_missing else {}
         found |= {'complete': 'false'} if found else {}
         return found | ({'monitor first reports missing': str(count)} if (count := self._first_missing) else {})
@@ -239,6 +241,8 @@ class Recorder(DragonNode):
         for topic, count in self._unpaired.items():
             log.warning(f'{topic}: left out {counted(count, "message")} without a stamp; the tick is unknown, because '
                         'no stamped message from the same publisher was received just before')
+        for topic, count in self._invalid.items():
+            log.warning(f'{topic}: left out {counted(count, "invalid message")}')
         if count := self._first_missing:
             log.warning(f"the monitor's first reports are missing: {counted(count, '', 'was')} published before it had "
                         'found this recorder; record with --wait-monitor')
@@ -310,6 +314,9 @@ class Recorder(DragonNode):
                     watched.mark(source_ns, t_ns, sequence)
                 self._log(topic, data, t_ns, sequence, source_ns)
             except MessageError as error:
+                self._invalid[topic] += 1
+                self.losses.skip(topic, sequence)
+                self.losses.skip(topic, sequence)
                 self.get_logger().warning(f'{topic}: message not recorded: {error}', throttle_duration_sec=1.0)
         return callback
 

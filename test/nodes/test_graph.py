@@ -11,6 +11,7 @@ from properties import thinned
 
 from dragon_ros.bags.check.compare import compare_with_model
 from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.bags.record.loss_accounting import RECEIVED
 from dragon_ros.core.model import compile_scene
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import read_diagnostics, read_pose_array
@@ -424,13 +425,19 @@ def test_the_recorder_survives_stamps_that_no_clock_shows(start, node, tmp_path)
     record = start('record', '--output', tmp_path / 'a.mcap')
     handles = node.create_publisher(PoseArray, 'handles', 10)
     node.until(handles.get_subscription_count)
-    for sec in (7, -1):
+    for sec in (7, -1, 8):
         message = PoseArray()
         message.header.stamp.sec = sec
         handles.publish(message)
     record.wait_for('not recorded')
-    assert record.stop() == 0, record.text
-    assert [t_ns for t_ns, _ in by_topic(tmp_path / 'a.mcap')['/dragon/handles']] == [7 * 10**9]
+    assert handles.wait_for_all_acked()
+    assert record.stop() == 3, record.text
+    assert '/dragon/handles: left out 1 invalid message' in record.text
+    with BagReader(tmp_path / 'a.mcap') as bag:
+        account = bag.metadata(RECEIVED)
+    assert [account[key] for key in ('complete', '/dragon/handles invalid', '/dragon/handles lost')] == [
+        'false', '1', '0']
+    assert [t_ns for t_ns, _ in by_topic(tmp_path / 'a.mcap')['/dragon/handles']] == [7 * 10**9, 8 * 10**9]
 
 
 def test_a_sim_that_its_reader_holds_back_still_ends_on_a_signal(start):
