@@ -63,6 +63,13 @@ def test_a_scene_that_is_used_before_every_other_keeps_its_tables():
     assert model.memory_bytes
 
 
+def test_a_model_whose_scene_is_only_compiled_lays_out_no_tables():
+    model = compile_scene(Scene(dragon=Dragon(61))).model
+    compile_scene(Scene(dragon=Dragon(62)))
+    assert model.memory_bytes == 0
+    assert 'placement' not in vars(model)
+
+
 def test_models_are_kept_in_bytes(monkeypatch):
     scenes = [Scene(dragon=Dragon(benches)) for benches in range(100, 110)]
     state(scenes[0], 1.0)

@@ -43,6 +43,8 @@ class Ball:
 
     def __sub__(self, other: Number) -> 'Ball':
         """Return the difference."""
+        if isinstance(other, Ball):
+            return Ball(self.mid - other.mid, OUTWARDS * (self.rad + other.rad))
         return self + -other
 
     def __mul__(self, other: Number) -> 'Ball':

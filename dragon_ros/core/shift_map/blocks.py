@@ -188,8 +188,8 @@ class Placement:
     @property
     def memory_bytes(self) -> int:
         """The size of all tables built so far, in bytes."""
-        return sum(shift.memory_bytes for shift in self.maps.values()) + (
-            self.leader_map.memory_bytes if self.leader_map else 0)
+        leader_map: LeaderMap | None = vars(self).get('leader_map')     # None if it has not been used yet
+        return sum(shift.memory_bytes for shift in self.maps.values()) + (leader_map.memory_bytes if leader_map else 0)
 
     @cached_property
     def stretch_m(self) -> float:
