@@ -57,7 +57,7 @@ def runs_around(scene, t_s, ways_m):
 def test_results_of_runs_that_start_or_stop_at_their_contact_are_proved(request):
     """At most one result in a thousand is reported as incomplete, and therefore not proved."""
     seen, long = Counter(), request.config.getoption('--long')
-    seeds = range(SEEDS) if long or SEEDS > 10 else range(6, 7)     # the first contact is that of seed 6
+    seeds, least = (range(SEEDS), 2 * SEEDS) if long or SEEDS > 10 else (range(7, 8), 15)   # seed 7 has a contact
     ways_m = (1e-9, 1e-6) if long else (1e-9,)
     for seed, scene, t_s in contacts(seeds):
         for run in (scene.run, *runs_around(scene, t_s, ways_m)):
@@ -66,7 +66,7 @@ def test_results_of_runs_that_start_or_stop_at_their_contact_are_proved(request)
             seen[found.certificate.complete] += 1
             if found.certificate.complete:
                 assert proved(as_values(at, found), EFFORT), (seed, run)
-    assert seen[True] > 2 * seeds.stop
+    assert seen[True] > least
     assert seen[False] <= 1e-3 * seen[True]
 
 

@@ -56,7 +56,7 @@ shares = st.lists(st.floats(0, 1), min_size=2, max_size=5)
 
 
 @pytest.mark.parametrize('kind', [*CENTRED, *BENT])
-@examples(25)
+@examples(15, long=25)
 @given(dragons, st.floats(0, 1), st.floats(1e-6, 2), shares)
 def test_handles_stay_where_they_are_said_to_be_and_go_no_further(kind, dragon, begin, length, shares):
     held(kind, dragon, begin, length, shares)

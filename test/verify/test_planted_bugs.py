@@ -22,8 +22,8 @@ from dragon_ros.core.tracks import composite, s_turn
 from dragon_ros.core.tracks.segments import AHEAD
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
-SHORT = Scene(dragon=Dragon(12), run=Run(409.0, 413.0))
-LOCKING = Scene(dragon=Dragon(12), run=Run(409.0))
+SHORT = Scene(dragon=Dragon(12), run=Run(411.0, 413.0))
+LOCKING = Scene(dragon=Dragon(12), run=Run(410.0))
 CROSSING = Dragon(14, 0.9, 2.9, 0.2)
 LOOP = Scene(dragon=Dragon(14), track=Composite((Line(5.0), Arc(3.0, 400.0), Arc(3.0, -90.0))), run=Run(10, 24))
 WOUND = Scene(dragon=Dragon(14), run=Run(22, 40), track=Composite((

@@ -89,12 +89,12 @@ def test_every_subset_of_effects_has_its_fields_alone_and_their_values_to_the_la
 
 
 IN_A_ROW = {
-    'touching': (replace(TOUCHING, run=Run(410.0, 413.0, 50.0)), (100, 150)),
-    'classic': (Scene(), (0, 40)),
+    'touching': (replace(TOUCHING, run=Run(410.0, 413.0, 50.0)), (110, 130)),
+    'classic': (Scene(), (0, 20)),
     'long': (Scene(dragon=Dragon(2500)), (7, 10)),
     'longer than a batch': (Scene(dragon=Dragon(5000)), (7, 9)),
     'joined by links of no length': (Scene(Mixed((Group(3.41), Group(0.55, 2), Group(2.2, 30))), STurn(before_m=5.0),
-                                           run=Run(0, 30), effects=ALL), (200, 230)),
+                                           run=Run(0, 30), effects=ALL), (200, 220)),
     'mixed, led by the tail': (Scene(Mixed((Group(3.41), Group(1.7, 9), Group(2.2, 40))), Spiral(0.8, 8.0),
                                      Head(1.0, 'tail'), Run(0, 20), effects=ALL), (0, 200)),
     'paper': (Scene(accuracy='paper', effects=Effect.BENCHES), (0, 20)),

@@ -47,7 +47,7 @@ def around(radius_m, pitch_m, turns=1.0, count=150):
 LENGTHS = st.lists(st.floats(0.3, 3.0), min_size=1, max_size=7)
 
 
-@examples(100)
+@examples(50, long=100)
 @given(LENGTHS, st.floats(0.02, 1.0), st.floats(0.0, 0.5), st.floats(0.0, 1.5), st.floats(0.0, 3.5))
 @example([2.86, 1.65], 0.3, 0.275, 0.1, 0.2)        # a long head
 @example([0.4, 3.0], 0.1, 0.0, 0.2, 0.3)            # long benches outside short ones
@@ -84,7 +84,7 @@ def bound_over(dragon, pitches_m, radius_m, bench=0):
     return float(Layers(b_m, dragon, least_b_m).gaps_from_m(np.array([radius_m]), np.array([bench]))[0])
 
 
-@examples(100)
+@examples(50, long=100)
 @given(LENGTHS, st.floats(0.02, 1.0), st.floats(0.0, 0.5), st.floats(0.0, 1.5), st.floats(0.0, 3.5),
        st.floats(1.0, 3.0), st.floats(0.0, 1.0))
 @example([0.4, 3.0], 0.02, 0.0, 0.2, 0.3, 3.0, 0.0)     # the benches of the outer layers are long

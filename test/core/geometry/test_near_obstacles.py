@@ -59,7 +59,7 @@ def with_handles(benches):
     return closeness(np.concatenate((benches.centre, benches.centre[:1])), benches)
 
 
-@examples(25)
+@examples(15, long=25)
 @given(walks())
 def test_looks_at_any_walk_equal_a_search_from_scratch_to_the_last_bit(walk):
     venue, looks = walk

@@ -46,7 +46,7 @@ def tracked(venue=SCENE.venue):
 
 
 def test_the_event_of_an_obstacle_is_the_first_contact_within_what_a_tick_allows():
-    found, (first, *_) = first_contact(SCENE), [e for r in reports(tracked(), range(500)) for e in r.begins]
+    found, (first, *_) = first_contact(SCENE), [e for r in reports(tracked(), range(200, 400)) for e in r.begins]
     assert (first.obstacle, first.benches) == (found.obstacle.name, (0, 5 + 1)) == ('post', (0, 6))
     assert first.before_ns < found.t_s * 1e9 <= first.after_ns
     assert first.t_contact_s == pytest.approx(found.t_s, abs=1e-9)       # the gap shrinks at a constant rate here
@@ -65,7 +65,7 @@ def test_each_look_has_the_clearance_and_the_pairs_of_the_effects():
 
 
 def test_the_names_follow_every_bench_and_the_witness_lies_at_the_obstacle():
-    rows = list(reports(tracked(), range(900)))
+    rows = list(reports(tracked(), range(200, 400)))
     assert told(rows)[:2] == [('begin', 'post', (0, 6)), ('begin', 'post', (1, 6))]
     touching = next(r for r in rows if r.count)
     two, i, j = touching.two(touching.touching[0])

@@ -178,13 +178,12 @@ def passing(width):
 
 
 def test_what_cannot_be_told_from_a_contact_is_grazing_with_bounds():
-    width, (scene, miss) = 0.3938, passing(0.3938)
-    step = 1e-4
-    for _ in range(9):
-        before, (scene, miss) = miss, passing(width + step)
+    width, step = 0.39388385675258, 0.0
+    for _ in range(5):      # the gap decreases by about three quarters per unit of width
         width += step
-        step *= (miss.gap_m - 1e-12) / (before.gap_m - miss.gap_m) if abs(miss.gap_m - 1e-12) > 3e-13 else 0.0
-        if not step:
+        scene, miss = passing(width)
+        step = (miss.gap_m - 1e-12) / 0.75
+        if abs(step) < 4e-13:
             break
     assert abs(miss.gap_m - 1e-12) < 1e-12
     found = first_contact(scene)
@@ -194,7 +193,7 @@ def test_what_cannot_be_told_from_a_contact_is_grazing_with_bounds():
     assert found.grazing_m[0] < miss.gap_m < found.grazing_m[1] < 2 * (4 * 1.6 * 2e-12)
     assert found.t_s == pytest.approx(miss.t_s, abs=1e-3)
     assert found.certificate.complete
-    for t_s in np.linspace(113, found.t_s - 1e-3, 30):
+    for t_s in np.linspace(113, found.t_s - 1e-3, 10):
         assert smallest(scene, t_s) > 0
     wider = first_contact(replace(scene, dragon=replace(scene.dragon, width_m=width + 1e-9)))
     assert (wider.benches, wider.grazing_m) == (miss.benches, None)

@@ -208,7 +208,7 @@ def test_a_bench_along_a_wall_is_clear_only_if_errors_of_its_handles_cannot_turn
 
 def test_without_a_venue_nothing_of_venues_is_imported():
     code = ('import sys; from dragon_ros.core.scene import Run, Scene; '
-            'from dragon_ros.core.search.first_contact import first_contact; first_contact(Scene(run=Run(400, 410))); '
+            'from dragon_ros.core.search.first_contact import first_contact; first_contact(Scene(run=Run(409, 410))); '
             'print([name for name in sys.modules if "obstacle" in name or name.endswith("geometry.venue")])')
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == '[]'

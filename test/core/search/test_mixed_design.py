@@ -21,8 +21,8 @@ from dragon_ros.scenes.load import load_scene
 
 
 def test_the_smallest_pitch_of_an_even_list_is_that_of_equal_benches():
-    even = min_pitch(Mixed((Group(3.41), Group(2.2, 19))), largest_m=0.5, within_m=1e-6)
-    assert even == min_pitch(Dragon(20), largest_m=0.5, within_m=1e-6)
+    even = min_pitch(Mixed((Group(3.41), Group(2.2, 19))), largest_m=0.5, within_m=1e-3)
+    assert even == min_pitch(Dragon(20), largest_m=0.5, within_m=1e-3)
 
 
 ALMOST_EQUAL = Mixed((Group(3.41), Group(2.2, 28), Group(2.2001)))
@@ -60,10 +60,10 @@ def test_the_smallest_pitch_of_an_almost_equal_dragon_is_almost_that_of_equal_be
                  marks=pytest.mark.long)])
 def test_the_pitch_of_a_mixed_dragon_is_bisected_if_the_contacts_of_its_head_do_not_decide(dragon, diameter_m,
                                                                                            largest_m):
-    found = min_pitch(dragon, diameter_m, 8.0, largest_m, 0.02, smallest_m=0.35 if diameter_m < 9 else 1.2)
+    found = min_pitch(dragon, diameter_m, 8.0, largest_m, 0.05, smallest_m=0.35 if diameter_m < 9 else 1.2)
     assert not found.proved
     assert found.benches[0] > 0
-    assert 0 < found.high_m - found.low_m <= 0.02
+    assert 0 < found.high_m - found.low_m <= 0.05
     assert first_contact(coming_in(dragon, found.low_m, 8.0, diameter_m)).benches == found.benches
     assert isinstance(first_contact(coming_in(dragon, found.high_m, 8.0, diameter_m)), NoContact)
 

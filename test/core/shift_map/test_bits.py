@@ -75,7 +75,7 @@ def test_nor_on_what_was_asked_before(times, order):
             assert there.chain(t_s).p.tobytes() == expected[t_s]
 
 
-SCENES = [problem.scene for problem in dances() if problem.name in ('turning', 'wiggle', 'unwinding', 'law')] + [
+SCENES = [problem.scene for problem in dances() if problem.name in ('turning', 'wiggle', 'unwinding')] + [
     Scene(), BESIDE, Scene(dragon=Mixed((Group(3.41), Group(2.2, 20), Group(1.1, 20))), track=Spiral(0.55, 30.0))]
 
 
@@ -85,7 +85,7 @@ def test_nor_on_the_process():
             'for scene in scenes[::-1]:\n    for t_s in times[::-1]:\n'
             '        chain = state(scene, t_s)\n'
             '        print(sha256(chain.p.tobytes() + chain.velocities(1.0).tobytes()).hexdigest())\n')
-    times = [1.0, 4.4, 9.5]
+    times = [1.0, 9.5]
     done = subprocess.run([sys.executable, '-c', code], input=pickle.dumps((SCENES, times)), capture_output=True,
                           check=True)
     here = []
