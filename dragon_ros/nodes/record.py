@@ -316,7 +316,6 @@ class Recorder(DragonNode):
             except MessageError as error:
                 self._invalid[topic] += 1
                 self.losses.skip(topic, sequence)
-                self.losses.skip(topic, sequence)
                 self.get_logger().warning(f'{topic}: message not recorded: {error}', throttle_duration_sec=1.0)
         return callback
 
