@@ -35,35 +35,54 @@ def wheel(folder, text):
     return sha256(path.read_bytes()).hexdigest()
 
 
-def install(folder, target):
-    """Install a locked wheel from a folder as ``./dragon`` does, without a network."""
+# Each folder is installed by a process that has imported pip, as it would be by a new one.
+EACH = """
+import os, sys
+from pip._internal.cli.main import main
+import pip._internal.commands.install
+for folder in sys.argv[1].split(':'):
+    if not (child := os.fork()):
+        os.chdir(folder)
+        said = os.open('said', os.O_WRONLY | os.O_CREAT)
+        os.dup2(said, 1), os.dup2(said, 2)
+        os._exit(main([*sys.argv[2:], '--find-links', '.', '--target', 'there', '-r', 'lock.txt']))
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+"""
+
+
+@pytest.fixture(scope='module')
+def installed(tmp_path_factory):
+    """The exit codes of installing a wheel as ``./dragon`` does, without a network, and what was said, by folder."""
+    folders = {name: tmp_path_factory.mktemp(name) for name in ('right', 'changed', 'unlocked')}
+    locked = f'locked-thing==1.0 \\\n    --hash=sha256:{wheel(folders["right"], "answer = 42")}\n'
+    wheel(folders['changed'], 'answer = 43')
+    wheel(folders['unlocked'], 'answer = 42')
+    for name, folder in folders.items():
+        (folder / 'lock.txt').write_text('locked-thing==1.0\n' if name == 'unlocked' else locked)
     script = (ROOT / 'dragon').read_text()
-    options = re.search(r"^install='install (.*)'$", script, re.MULTILINE)[1].split()
+    options = re.search(r"^install='(install .*)'$", script, re.MULTILINE)[1].split()
     assert '$install --no-deps' in script
-    return subprocess.run([sys.executable, '-m', 'pip', 'install', *options, '--no-deps', '--no-index', '--find-links',
-                           folder, '--target', target, '-r', folder / 'lock.txt'], capture_output=True, text=True,
-                          check=False)
+    done = subprocess.run([sys.executable, '-c', EACH, ':'.join(map(str, folders.values())), *options, '--no-deps',
+                           '--no-index'], capture_output=True, text=True, check=True)
+    return {name: (int(code), (folder / 'said').read_text(), folder / 'there')
+            for code, (name, folder) in zip(done.stdout.split(), folders.items(), strict=True)}
 
 
-def test_a_wheel_that_changed_by_one_byte_is_refused(tmp_path):
-    right = wheel(tmp_path, 'answer = 42\n')
-    (tmp_path / 'lock.txt').write_text(f'locked-thing==1.0 \\\n    --hash=sha256:{right}\n')
-    done = install(tmp_path, tmp_path / 'right')
-    assert done.returncode == 0, done.stderr
-    assert (tmp_path / 'right' / 'locked_thing.py').exists()
-    assert wheel(tmp_path, 'answer = 43\n') != right
-    done = install(tmp_path, tmp_path / 'changed')
-    assert done.returncode != 0
-    assert 'DO NOT MATCH THE HASHES' in done.stderr
-    assert not (tmp_path / 'changed').exists()
+def test_a_wheel_that_changed_by_one_byte_is_refused(installed):
+    code, said, there = installed['right']
+    assert code == 0, said
+    assert (there / 'locked_thing.py').read_text() == 'answer = 42'
+    code, said, there = installed['changed']
+    assert code != 0
+    assert 'DO NOT MATCH THE HASHES' in said
+    assert not there.exists()
 
 
-def test_a_package_without_a_hash_is_refused(tmp_path):
-    wheel(tmp_path, 'answer = 42\n')
-    (tmp_path / 'lock.txt').write_text('locked-thing==1.0\n')
-    done = install(tmp_path, tmp_path / 'there')
-    assert done.returncode != 0
-    assert 'require-hashes' in done.stderr.lower() or 'hashes are required' in done.stderr.lower()
+def test_a_package_without_a_hash_is_refused(installed):
+    code, said, there = installed['unlocked']
+    assert code != 0
+    assert 'require-hashes' in said.lower() or 'hashes are required' in said.lower()
+    assert not there.exists()
 
 
 @pytest.mark.parametrize('name', LISTS)

@@ -344,8 +344,9 @@ def test_steps_on_the_turn_are_as_their_recipe_says():
     metres = np.linspace(-300.0, 100.0, 401)
     np.testing.assert_allclose(angle.metres(angle.of(metres)), metres, atol=1e-11)
     np.testing.assert_allclose(np.diff(angle.joints), STurn().length_m / (3 * 1.5027088), rtol=1e-6)
-    p = mistakes.grid_on_turn(TURNING, links_of(), STurn(), step, 0.0, False)
-    chords = np.hypot(*np.moveaxis(np.diff(p, axis=1), -1, 0)) - links_of()
+    links = links_of(handles=60)
+    p = mistakes.grid_on_turn(TURNING, links, STurn(), step, 0.0, False)
+    chords = np.hypot(*np.moveaxis(np.diff(p, axis=1), -1, 0)) - links
     assert 0 <= chords.min() < 1e-3 < 0.009 < chords.max() < step
 
 
