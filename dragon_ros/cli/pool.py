@@ -9,7 +9,7 @@ import time
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sized
 from concurrent.futures import Future
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from itertools import islice
@@ -78,20 +78,21 @@ class Pool:
             yield from map(work, rest)
             return
         from concurrent.futures.process import BrokenProcessPool
-        pool, begun, slots = _started(workers - 1, pickle.dumps(work))
-        watch = threading.Thread(target=_end_together, args=(pool,), daemon=True)
-        watch.start()
-        try:
-            for job in rest:
-                yield work(job)
-                if any(one.done() for one in begun):
-                    break
-            yield from _shared(pool, work, rest, workers, slots)
-        except BrokenProcessPool:
-            raise DragonError('one of the worker processes was killed, perhaps because memory ran out; reduce '
-                              '--workers') from None
-        finally:
-            _end(pool, watch)
+        with ExitStack() as last:
+            with _blocked():        # a signal during the start takes effect at the end of this block
+                pool, begun, slots = _started(workers - 1, pickle.dumps(work))
+                watch = threading.Thread(target=_end_together, args=(pool,), daemon=True)
+                watch.start()
+                last.callback(_end, pool, watch)
+            try:
+                for job in rest:
+                    yield work(job)
+                    if any(one.done() for one in begun):
+                        break
+                yield from _shared(pool, work, rest, workers, slots)
+            except BrokenProcessPool:
+                raise DragonError('one of the worker processes was killed, perhaps because memory ran out; reduce '
+                                  '--workers') from None
 
 
 ALONE = Pool(1)
@@ -181,8 +182,7 @@ def _started(others: int, pickled: bytes) -> tuple['ProcessPoolExecutor', list[F
     slots = _Slots(min(_WAITING * (others + 1), _MOST_SLOTS) if forked else 0)
     pool = ProcessPoolExecutor(others, get_context('fork' if forked else 'spawn'), _begin,
                                (alive, pickled, slots.memory))
-    with _blocked():
-        begun = [pool.submit(_warm) for _ in range(others)]
+    begun = [pool.submit(_warm) for _ in range(others)]
     if alive is not None:
         os.close(alive[0])
     return pool, begun, slots
