@@ -9,6 +9,7 @@ from importlib.util import find_spec
 # would occupy a processor for some hundredths of a second after every large product.
 os.environ.setdefault('OPENBLAS_THREAD_TIMEOUT', '16')
 
+import forked_workers
 import numpy as np
 import pytest
 from _pytest.runner import runtestprotocol
@@ -140,6 +141,13 @@ def pytest_sessionfinish():
     """Collect all garbage once; pytest does it five times at the end, for interpreters that need it."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes(config, specs):
+    """Fork the workers from one process, unless the lines that run during imports are to be counted in each of them."""
+    if not getattr(config.option, 'cov_source', None):
+        forked_workers.fork_workers(config, specs)
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -12,19 +12,20 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
 from functools import cache
+from importlib import import_module
 from multiprocessing import forkserver
 from pathlib import Path
 
 import pytest
 
 _FORKS = multiprocessing.get_context('forkserver')
+# Modules that rclpy and the messages import when the first node is created.
+_ROS = ('rosidl_generator_py', *(f'{name}_msgs.msg' for name in ('geometry', 'nav', 'rosgraph', 'sensor', 'service',
+                                                                 'visualization')),
+        'std_srvs.srv', 'type_description_interfaces.msg')
 _FORKS.set_forkserver_preload([
     'processes', *(f'dragon_ros.nodes.{name}' for name in ('command_lines', 'sim', 'monitor', 'record', 'replay')),
-    # modules that rclpy and the messages import when the first node is created
-    'rosidl_generator_py', *(f'{name}_msgs.msg' for name in ('geometry', 'nav', 'rosgraph', 'sensor', 'service',
-                                                             'visualization')),
-    'std_srvs.srv', 'type_description_interfaces.msg',
-    *(f'dragon_ros.commands.{name}' for name in ('simulate', 'inspect', 'export')), 'warm'])
+    *_ROS, *(f'dragon_ros.commands.{name}' for name in ('simulate', 'inspect', 'export')), 'warm'])
 
 
 class Started(subprocess.Popen):
@@ -102,6 +103,15 @@ def _ready():
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv('PYTHONPATH', str(Path(__file__).parent), prepend=os.pathsep)
         forkserver.ensure_running()
+
+
+def share():
+    """Let processes that are forked from this one fork theirs from the same process, and create nodes quickly."""
+    _ready()
+    for name in _ROS:
+        with suppress(ImportError):     # not every distribution of ROS 2 has all of them
+            import_module(name)
+    forkserver._forkserver.ensure_running = lambda: None        # it would wait for a process of another parent
 
 
 def _run(arguments, environment, cwd, outputs, program):

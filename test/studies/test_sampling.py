@@ -1,6 +1,7 @@
 """The inputs of a row depend only on the study and the row's index, and have the requested distribution."""
 import numpy as np
 import pytest
+from scipy.stats import kstest, qmc, truncnorm
 
 from dragon_ros.scenes.load import scene_of
 from dragon_ros.scenes.yaml import Document
@@ -35,7 +36,6 @@ def test_another_seed_gives_other_inputs(study):
 
 @pytest.mark.parametrize('design', ['random', 'sobol'])
 def test_inputs_have_the_distributions_of_the_study(study, design):
-    from scipy.stats import kstest, truncnorm  # slow to import
     one = study(NORMAL.replace('DESIGN', design))
     rows = [values_of(one, index) for index in range(256)]
     pitch = np.array([row['track.pitch_m'] for row in rows])
@@ -48,7 +48,6 @@ def test_inputs_have_the_distributions_of_the_study(study, design):
 
 
 def test_a_sobol_design_is_the_scrambled_sequence_of_scipy(study):
-    from scipy.stats import qmc
     one = study(NORMAL.replace('DESIGN', 'sobol'))
     points = qmc.Sobol(6, scramble=True, seed=np.random.default_rng(5)).random(16)
     found = [values_of(one, index)['track.pitch_m'] for index in range(16)]

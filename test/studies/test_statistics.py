@@ -5,6 +5,7 @@ from math import inf
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from dragon_ros.core.errors import FieldError
 from dragon_ros.studies import statistics
@@ -38,7 +39,6 @@ def test_a_bound_of_one_in_a_thousand_takes_2995_rows():
 
 
 def test_the_bound_of_a_normal_distribution_holds_as_often_as_it_says():
-    from scipy.stats import norm  # slow to import
     draw, truth = np.random.default_rng(3), norm.ppf(0.999)
     held = sum(statistics.normal_upper_bound(draw.normal(size=40), 0.999) >= truth for _ in range(400))
     assert 0.92 <= held / 400 <= 0.98
