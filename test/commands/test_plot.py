@@ -96,8 +96,9 @@ def test_every_kind_is_drawn_from_a_scene_and_from_a_bag(capsys, tmp_path, bag, 
 def test_the_same_picture_has_the_same_bytes_alone_and_after_one_in_another_format(capsys, tmp_path, short, suffix,
                                                                                    other):
     alone, after = (tmp_path / f'{name}{suffix}' for name in ('alone', 'after'))
-    assert plot(capsys, 'contact', *short, '--output', alone)[0] == 0
-    assert plot(capsys, 'contact', *short, '--output', tmp_path / f'a{other}', '--output', after)[0] == 0
+    dragon = ['dragon', *short, '--time', '412.5']
+    assert plot(capsys, *dragon, '--output', alone)[0] == 0
+    assert plot(capsys, *dragon, '--output', tmp_path / f'a{other}', '--output', after)[0] == 0
     assert alone.read_bytes() == after.read_bytes()
 
 

@@ -1,13 +1,14 @@
 """``study`` computes, continues, summarises and plots studies, and reports mistakes in one line."""
 import json
+import os
 import re
-import subprocess
 import sys
 from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import Forked
 
 from dragon_ros.__main__ import main
 
@@ -190,7 +191,10 @@ def test_a_missing_library_is_named_with_the_cure(tmp_path):
            '    sys.modules[name] = None\n' \
            f'    assert main(["study", "pitch_map", "--output", {str(tmp_path)!r}]) == 2\n' \
            '    del sys.modules[name]'
-    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
-    assert (done.returncode, len(done.stderr.splitlines())) == (0, 2), done.stderr
-    for name, line in zip(names, done.stderr.splitlines(), strict=True):
+    program = tmp_path / 'program.py'
+    program.write_text(code)
+    with Forked([], os.environ, tmp_path, program=program) as process:
+        lines, _ = process.communicate(timeout=60)
+    assert (process.poll(), lines.count('\n')) == (0, 2), lines
+    for name, line in zip(names, lines.splitlines(), strict=True):
         assert f"{name}: it is not installed, but studies need it; pip install 'dragon_ros[study]'" in line
