@@ -29,7 +29,7 @@ HEAD_LINK_M, BODY_LINK_M = 2.86, 1.65
 FOLLOWING = 25          # number of handles of the benches that the head can touch
 RADIUS_M = 4.5                                      # radius of the turning circle
 _LATEST_S = 420.0       # last time (s) for which Euler steps are computed
-_MOST_NEWTON, _SETTLED = 60, 4e-15
+_MOST_NEWTON, _SETTLED = 60, 1e-9     # each step of Newton's method squares the error
 Head = Callable[[Floats], Floats]                   # seconds (T,) -> polar angles (T,)
 Rule = Callable[[Floats, float], Floats]            # polar angles (T,) and a link in metres -> the next handle's angles
 Gap = Callable[[Floats, float], Floats]             # handles (T, N+1, 2) and a width (both in m) -> gaps (m, (T,))
@@ -111,13 +111,12 @@ def chord(short_m: float = 0.0, pitch_m: float = PITCH_M) -> Rule:
     """Return the rule that places the next handle where its chord is shorter than the link by ``short_m``."""
     def following(theta: Floats, link_m: float) -> Floats:
         wanted = (link_m - short_m) * 2 * pi / pitch_m
-        delta: Floats = np.zeros_like(theta)
-        change = wanted / np.maximum(theta, 1.0)
+        delta: Floats = wanted / np.maximum(theta, 1.0)
         for _ in range(_MOST_NEWTON):       # Newton's method; before the first contact, a link spans less than pi
-            delta = delta + change
             half = np.sin(0.5 * delta)
             excess = delta * delta + 4 * theta * (theta + delta) * half * half - wanted * wanted
-            change = -excess / (2 * delta + 4 * theta * half * (half + (theta + delta) * np.cos(0.5 * delta)))
+            change = excess / (2 * delta + 4 * theta * half * (half + (theta + delta) * np.cos(0.5 * delta)))
+            delta = delta - change
             if np.max(np.abs(change)) < _SETTLED:
                 break
         return theta + delta

@@ -28,7 +28,15 @@ from dragon_ros.commands.contest.mistakes import (
     solved,
 )
 from dragon_ros.commands.grade.layout import HANDLES
-from dragon_ros.commands.grade.truth import TrueStates, contact_s, state_at, truth_at, turned_scene, wound_scene
+from dragon_ros.commands.grade.truth import (
+    TrueStates,
+    contact_s,
+    handles_at,
+    state_at,
+    truth_at,
+    turned_scene,
+    wound_scene,
+)
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.numerics.types import Floats, Ints
@@ -822,15 +830,16 @@ def _by_differences(result: str, times_s: Floats, given: Floats, right: Floats) 
         times_s = np.array([contact_s()])
     scene, offset_s = turned_scene() if result == 'result4' else wound_scene()
     some = np.unique(np.linspace(0, times_s.size - 1, 16).astype(int))
+    steps_s = np.array(_DIFFERENCES_S)
+    moved_s = np.concatenate(([0.0], steps_s, -steps_s))[:, None] + times_s[some] + offset_s
+    p = handles_at(scene, moved_s.ravel()).reshape(*moved_s.shape, -1, 2)       # nan if a step reaches beyond the lock
+    now, ahead, behind = p[0], p[1:1 + steps_s.size], p[1 + steps_s.size:]
     tried = []
-    for kind in ('forward', 'backward', 'central'):
-        for step_s in _DIFFERENCES_S:
-            try:
-                remade = mistakes.differences(scene, times_s[some] + offset_s, step_s, kind)
-            except DragonError:     # a step reaches beyond the lock
-                continue
-            tried.append((share(given[some], remade, right[some]), kind, step_s))
-    if tried and (best := max(tried))[0] > 0.9:
+    for kind, moved in (('forward', ahead - now), ('backward', now - behind), ('central', 0.5 * (ahead - behind))):
+        remade = np.hypot(moved[..., 0], moved[..., 1]) / steps_s[:, None, None]
+        tried += [(share(given[some], each, right[some]), kind, step_s)
+                  for each, step_s in zip(remade, _DIFFERENCES_S, strict=True)]
+    if (best := max(tried))[0] > 0.9:
         _, kind, step_s = best
         yield Finding('differences', {'kind': kind, 'step': step_s}), mistakes.differences(
             scene, times_s + offset_s, step_s, kind)

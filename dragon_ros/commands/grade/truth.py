@@ -5,6 +5,7 @@ from math import pi
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dragon_ros.commands.contest.mistakes import SPEED_M_S, START, arc_length, turning, winding
 from dragon_ros.core.batches import states, velocity_of
@@ -56,8 +57,7 @@ def turned_scene(dragon: Dragon | None = None, track: STurn | None = None) -> tu
 
 def state_at(scene: Scene, times_s: Floats) -> TrueStates:
     """Return the states of a scene at many times; they are nan at times outside the run."""
-    end_s = compile_scene(scene).end.t_s
-    there = (times_s >= 0) & (times_s <= end_s)
+    there = _in_run(scene, times_s)
     handles = np.full((times_s.size, scene.dragon.benches + 1, 2), np.nan)
     speed = np.full(handles.shape[:2], np.nan)
     if there.any():
@@ -66,6 +66,20 @@ def state_at(scene: Scene, times_s: Floats) -> TrueStates:
         velocity = velocity_of(scene, chain, times)
         handles[there], speed[there] = chain.p, np.hypot(velocity[..., 0], velocity[..., 1])
     return TrueStates(handles, speed)
+
+
+def handles_at(scene: Scene, times_s: Floats) -> Floats:
+    """Return the handles (m, shape (T, N+1, 2)) of a scene at many times; they are nan at times outside the run."""
+    there = _in_run(scene, times_s)
+    handles = np.full((times_s.size, scene.dragon.benches + 1, 2), np.nan)
+    if there.any():
+        handles[there] = states(scene, times_s[there].tolist()).p
+    return handles
+
+
+def _in_run(scene: Scene, times_s: Floats) -> NDArray[np.bool_]:
+    there: NDArray[np.bool_] = (times_s >= 0) & (times_s <= compile_scene(scene).end.t_s)
+    return there
 
 
 @cache
