@@ -200,7 +200,7 @@ def test_a_request_has_a_deadline_however_steadily_its_bytes_come(scene, monkeyp
 
 
 @pytest.mark.parametrize('topic', ['handles', 'benches', 'velocities'])
-@pytest.mark.parametrize('by_m', [9e29, 1e31, 1e39, 1e149, 1e308])
+@pytest.mark.parametrize('by_m', thinned([9e29, 1e31, 1e39, 1e149, 1e308], {9e29, 1e31, 1e308}.__contains__))
 def test_a_bag_with_huge_numbers_is_shown_or_refused_in_words(tmp_path, topic, by_m):
     scene = load_scene('first_contact', ['dragon.benches=3', 'run.stop_s=400.1'])
     encode = encoders(scene)
