@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from properties import thinned
+from properties import examples, thinned
 
 from dragon_ros.core import paper
 from dragon_ros.core.batches import states, velocity_of
@@ -141,6 +141,7 @@ def test_powers_of_two_scale_the_dragon_bit_for_bit(scale, t_s):
                                atol=1e-13 * compile_scene(large).size_m)
 
 
+@examples(50, long=100)
 @given(st.floats(0, 300), st.floats(0, 100))
 def test_a_later_start_on_the_same_track_is_a_shift_in_time(first, then):
     whole = Scene(dragon=Dragon(40))
@@ -149,6 +150,7 @@ def test_a_later_start_on_the_same_track_is_a_shift_in_time(first, then):
     np.testing.assert_allclose(state(later, then).p, state(whole, first + then).p, rtol=0, atol=2e-13)
 
 
+@examples(50, long=100)
 @given(st.floats(1, 300))
 def test_out_and_back_returns_to_the_start(t_s):
     there = Scene(dragon=Dragon(40), head=Head(-1.0), run=Run(0, 400))
@@ -157,6 +159,7 @@ def test_out_and_back_returns_to_the_start(t_s):
     np.testing.assert_allclose(state(back, t_s).p, state(there, 0.0).p, rtol=0, atol=1e-12)
 
 
+@examples(50, long=100)
 @given(st.floats(0.2, 2), st.floats(3, 30), st.integers(2, 80))
 def test_handles_lie_on_the_track_in_order(pitch, turns, benches):
     scene = Scene(dragon=Dragon(benches), track=Spiral(pitch, turns))

@@ -79,7 +79,6 @@ def test_models_are_kept_in_bytes(monkeypatch):
     for scene in scenes:
         state(scene, 1.0)
     compile_scene(Scene(dragon=Dragon(3)))
-    gc.collect()
     assert sum(model.memory_bytes for model in model_module._COMPILED._models.values()) <= 4.5 * one
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
-from properties import thinned
+from properties import examples, thinned
 
 from dragon_ros.core.batches import states
 from dragon_ros.core.chain import lock
@@ -69,6 +69,7 @@ def test_body_links_longer_than_the_heads_may_lock_first():
         model.march((compile_scene(scene).end.t_s + 1e-6, 0.0))
 
 
+@examples(50, long=100)
 @example(2, 2.0, 2.719840097428284, 0.6743265261586981, 2.0, Head(0.37), 'exact', 'table')
 @given(st.integers(2, 12), st.floats(0.6, 4), st.floats(0.6, 3.5), st.floats(0.3, 2), st.floats(2, 20),
        st.sampled_from([Head(1.0), Head(0.37), Profile(((0.0, 1.3), (3.0, 0.6)), 'smooth')]),
@@ -138,6 +139,7 @@ LINKS = st.one_of(st.lists(st.floats(0.5, 25), min_size=1, max_size=5),
                       lambda row: [row[0], row[0] + row[1], row[0] + row[1] + row[2]]))
 
 
+@examples(50, long=100)
 @given(LINKS)
 @example([8.0, 13.75])
 @example([10.2, 16.87])

@@ -48,7 +48,7 @@ def distance(point):
 
 @given(theta=st.floats(25, 100), ahead=st.floats(5.8, 6.8), size=sizes, width=st.tuples(*[shares] * 5),
        seed=st.integers(0, 2**32 - 1))
-@examples(100)
+@examples(50, long=100)
 def test_no_pair_in_a_box_is_nearer_than_its_bound(theta, ahead, size, width, seed):
     low, high = box_of(theta, ahead, size, width)
     found = separations(low, high, HALF_WIDTH_M, OVERHANG_M)

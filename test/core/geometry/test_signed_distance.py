@@ -58,7 +58,7 @@ bench = st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(-4, 4), size, si
 @given(bench, bench)
 @example((0, 0, 0, 4, 0.1), (0, 0, np.pi / 2, 4, 0.1))
 @example((0, 0, 0, 2, 1), (2, 1, 0, 2, 1))                  # corner on corner
-@examples(400)
+@examples(200, long=400)
 def test_the_gap_of_one_pair_has_the_bits_of_many(one, two):
     benches = rectangles(one, two)
     for i, j in ((0, 1), (1, 0)):
@@ -90,7 +90,7 @@ def test_the_shortest_vector_is_as_long_as_the_gap_and_brings_or_parts_the_bench
 @example((0, 0, 0, 0, 0), (3, 4, 1.0, 0, 0), 1.0, 1e8)                  # points
 @example((0, 0, 0, 2, 2), (0.5, 0, 1.0, 0, 0), 1.0, 0.0)                # a point inside
 @example((0, 0, 0, 2, 2), (0, 0, 0, 2, 2), 1.0, 0.0)                    # the same
-@examples(400)
+@examples(200, long=400)
 def test_gap_and_depth_agree_with_shapely(one, two, scale, far):
     rows = [(x * scale + far, y * scale - far, yaw, length * scale, width * scale)
             for x, y, yaw, length, width in (one, two)]

@@ -72,12 +72,14 @@ def test_a_point_in_a_polygon_or_outside_of_the_inside_is_misplaced():
 
 
 def test_edges_are_kept_as_long_as_their_venue():
+    gc.freeze()     # so that only the objects of this test are visited
     venue = Venue((LineObstacle('wall', ((10.0, 0.0), (10.0, 5.0))),))
     around = surroundings_of(venue)
     assert surroundings_of(venue) is around
     kept = ref(around)
     del venue, around
     gc.collect()
+    gc.unfreeze()
     assert kept() is None
 
 

@@ -99,7 +99,7 @@ def test_candidates_miss_no_pair_of_the_classic_dragon(t_s):
 
 @given(st.floats(0.3, 2), st.floats(3, 20), st.floats(0.05, 0.4), st.floats(1, 4), st.floats(0.7, 3))
 def test_the_adjacent_layer_finds_the_closest_pair_that_all_pairs_find(pitch, turns, width, head, body):
-    scene = Scene(dragon=Dragon(60, head, body, min(width, 0.6 * pitch)), track=Spiral(pitch, turns))
+    scene = Scene(dragon=Dragon(60, head, body, min(width, 0.6 * pitch)), track=Spiral(pitch, turns), solver='march')
     try:
         chain, benches, every = all_pairs(scene, 0.0)
     except ChainLockError:   # the chain is locked at this time, which another property covers

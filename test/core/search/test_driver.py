@@ -112,6 +112,7 @@ def check_rows(space, windows, found):
             assert not one.touching
 
 
+@examples(50, long=100)
 @example([([0.0, 1.0], False, [(0.0, TOLERANCE_M, 3.0)])])      # the gap at the start equals the tolerance
 @given(st.lists(WINDOW, min_size=1, max_size=4))
 def test_windows_are_cleared_without_holes_up_to_the_first_gap_below_the_tolerance(drawn):
@@ -124,6 +125,7 @@ def test_windows_are_cleared_without_holes_up_to_the_first_gap_below_the_toleran
     check_rows(space, windows, found)
 
 
+@examples(50, long=100)
 @given(st.lists(WINDOW, min_size=1, max_size=3))
 def test_with_a_finer_length_a_window_that_does_not_touch_is_cleared_further(drawn):
     space, windows, coarse = cleared(drawn, (0.5,))

@@ -1,5 +1,6 @@
 """On one spiral the first contact is proved for every head law, and behind a leading tail."""
 import copy
+from functools import cache
 from itertools import pairwise
 
 import numpy as np
@@ -35,9 +36,14 @@ SCENES = {
     'rest': Scene(dragon=Dragon(30), head=Head(0.0), run=Run(0, 5))}
 
 
+@cache
+def answer(name):
+    return first_contact(SCENES[name])
+
+
 @pytest.mark.parametrize('name', thinned(SCENES, ('tail', 'lock', 'rest').__contains__))
 def test_every_law_on_a_spiral_has_a_certificate_that_holds(name):
-    found = first_contact(SCENES[name])
+    found = answer(name)
     assert found.certificate.complete
     values = certificate.as_values(SCENES[name], found)
     assert values['intervals']
@@ -46,7 +52,7 @@ def test_every_law_on_a_spiral_has_a_certificate_that_holds(name):
 
 
 def test_a_law_changes_when_and_not_where():
-    proved, steady = first_contact(Scene(run=Run(405, 413))), first_contact(SCENES['steady'])
+    proved, steady = first_contact(Scene(run=Run(405, 413))), answer('steady')
     assert steady.t_s == pytest.approx(proved.t_s, abs=1e-12)
     assert (steady.benches, steady.witness.corner) == (proved.benches, proved.witness.corner)
     assert steady.approach_m_s == pytest.approx(proved.approach_m_s, rel=1e-9)
@@ -56,7 +62,7 @@ def test_a_law_changes_when_and_not_where():
 
 
 def test_behind_a_tail_the_contact_is_where_the_head_meets_it_moving_out():
-    led, tail = SCENES['tail'], first_contact(SCENES['tail'])
+    led, tail = SCENES['tail'], answer('tail')
     head = first_contact(Scene(dragon=led.dragon, track=led.track, head=Head(-1.0), run=Run(0, 5)))
     assert (tail.benches, tail.witness.corner) == (head.benches, head.witness.corner)
     assert tail.point_m == pytest.approx(head.point_m, abs=1e-9)
@@ -90,8 +96,8 @@ def test_nothing_touches_before_the_contact_whatever_the_law(benches, head, body
 
 @pytest.fixture(scope='module')
 def written():
-    scene = SCENES['in, then out to the contact']
-    return certificate.as_values(scene, first_contact(scene))
+    name = 'in, then out to the contact'
+    return certificate.as_values(SCENES[name], answer(name))
 
 
 @pytest.mark.parametrize(('key', 'value'), [('knots', [[0.0, 0.3], [1.0, -1.0], [9.0, -1.1]]),
@@ -123,7 +129,7 @@ def test_a_range_of_travel_finds_first_arrivals(rows, ramps, start_s, run_s, sha
 
 
 def test_what_is_cleared_on_both_ways_starts_at_one_place():
-    found = first_contact(SCENES['in, then out to the contact'])
+    found = answer('in, then out to the contact')
     head = found.certificate.led_by(0)
     turns = [n for n, (one, other) in enumerate(pairwise(head)) if one.stop_m != other.start_m]
     assert len(turns) == 1

@@ -66,14 +66,14 @@ def test_bounds_hold_between_the_ends_of_cells():
         for benches in by_length(scene.dragon.bench_lengths_m):
             bounds = ObstacleBounds(bench_of(ranges, int(benches[0])), around)
             low, high = intervals_of(ranges, benches)[:, 0]
-            places = np.linspace(low, high, 25)
-            edge = np.repeat(np.arange(around.owner.size), 24)
-            index = np.tile(np.arange(24), around.owner.size)
+            places = np.linspace(low, high, 13)
+            edge = np.repeat(np.arange(around.owner.size), 12)
+            index = np.tile(np.arange(12), around.owner.size)
             at = bounds.bench.states(places)
             ends = [at.rows(index), at.rows(index + 1)]
             bound = bounds.bounds(*ends, (bounds.gaps(ends[0], edge), bounds.gaps(ends[1], edge)), edge)
             least = np.full(edge.size, np.inf)
-            for share in np.linspace(0, 1, 15):
+            for share in np.linspace(0, 1, 9):
                 between = bounds.bench.states(places[:-1] + share * np.diff(places))
                 least = np.minimum(least, bounds.gaps(between.rows(index), edge))
             assert np.all(bound <= least + 1e-11), name
