@@ -44,7 +44,7 @@ def test_other_solvers_have_rows_for_single_spirals_alone(workprec):
     named = [job.args[0].name for job in workprec._jobs() if job.func is workprec._baseline]
     assert {'classic', 'far-1e9', 'mixed'} <= set(named)
     assert not {'turning', 'unwinding', 'long'} & set(named)
-    row, = timed(workprec, workprec._baseline(CASES['classic'], 'scipy brentq'))
+    row, = timed(workprec, workprec._baseline(CASES['mixed'], 'scipy brentq'))
     assert row.error_m < 1e-9
 
 

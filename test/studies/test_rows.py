@@ -33,8 +33,14 @@ ask:
 """
 
 
-def test_answers_are_those_of_the_engines(study):
-    row, scene = row_of(study(ALL), 0), changed_scene('winding', SMALL)
+@pytest.fixture(scope='module')
+def alone(study):
+    """The rows of the study above, each computed alone."""
+    return [row_of(study(ALL), index) for index in range(2)]
+
+
+def test_answers_are_those_of_the_engines(alone):
+    row, scene = alone[0], changed_scene('winding', SMALL)
     found = first_contact(scene)
     assert (row['contact'], row['contact_t_s'], row['contact_inner'], row['contact_outer']) == (
         True, found.t_s, *found.benches)
@@ -57,16 +63,14 @@ def test_a_run_without_a_contact_says_how_it_ends(study):
     assert (row['contact'], row['contact_t_s'], row['run_end'], row['run_end_s']) == (False, None, 'stop', 406.0)
 
 
-def test_rows_are_the_same_alone_and_in_any_batch(study, without_times):
-    one = study(ALL)
-    alone = [row_of(one, index) for index in range(2)]
-    assert without_times(rows_of(one, [1, 0])) == without_times(alone)
+def test_rows_are_the_same_alone_and_in_any_batch(study, alone, without_times):
+    assert without_times(rows_of(study(ALL), [1, 0])) == without_times(alone)
     assert alone[0]['scene_sha256'] != alone[1]['scene_sha256']
 
 
-def test_every_row_has_every_column(study):
+def test_every_row_has_every_column(study, alone):
     one = study(ALL)
-    assert list(row_of(one, 0)) == list(columns_of(one))
+    assert list(alone[0]) == list(columns_of(one))
     assert {question.columns.keys() <= columns_of(one).keys() for question in one.ask} == {True}
 
 
