@@ -33,6 +33,7 @@ def made(style):
                    'track': track_marker(scene, FRAME_ID)}
 
 
+@lru_cache
 def by_mcap(kind, data):
     from mcap.records import Schema
     from mcap_ros2.decoder import DecoderFactory
@@ -40,9 +41,15 @@ def by_mcap(kind, data):
     return DecoderFactory().decoder_for('cdr', schema)(data)
 
 
-def by_rosbags(kind, data):
+@lru_cache
+def types():
     from rosbags.typesys import Stores, get_typestore
-    return get_typestore(Stores.ROS2_JAZZY).deserialize_cdr(data, kind)
+    return get_typestore(Stores.ROS2_JAZZY)
+
+
+@lru_cache
+def by_rosbags(kind, data):
+    return types().deserialize_cdr(data, kind)
 
 
 @pytest.fixture(params=[by_mcap, by_rosbags], ids=['mcap_ros2', 'rosbags'])
