@@ -7,6 +7,7 @@ import subprocess
 import sys
 import zipfile
 from functools import cache
+from importlib.metadata import version
 from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree
@@ -346,6 +347,8 @@ def test_ruff_finds_nothing():
 @pytest.mark.skipif(not find_spec('mypy'), reason='mypy is not installed here')
 def test_types_hold_strictly():
     cache = Path(os.environ['XDG_CACHE_HOME'], 'mypy') if 'XDG_CACHE_HOME' in os.environ else os.devnull
-    done = subprocess.run([sys.executable, '-m', 'mypy', '--cache-dir', cache], cwd=ROOT, capture_output=True,
+    # From version 1.18 on, mypy can keep what it knows of unchanged modules in a format that it reads faster.
+    fast = ['--fixed-format-cache'] if tuple(map(int, version('mypy').split('.')[:2])) >= (1, 18) else []
+    done = subprocess.run([sys.executable, '-m', 'mypy', *fast, '--cache-dir', cache], cwd=ROOT, capture_output=True,
                           text=True, check=False)
     assert done.returncode == 0, done.stdout
