@@ -185,7 +185,9 @@ class AnimatedFigure:
     def _draw_background(self) -> None:
         """Lay out the figure and draw the parts that do not move, unless this has been done."""
         if self._background is None:
-            self._canvas.draw()
+            layout = self.figure.get_layout_engine()
+            if layout is not None:      # without it, the figure would be drawn once more to lay it out
+                layout.execute(self.figure)
             self.figure.set_layout_engine('none')
             self._canvas.draw()
             self._background = self._canvas.copy_from_bbox(self.figure.bbox)
