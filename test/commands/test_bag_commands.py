@@ -344,9 +344,9 @@ def test_a_bag_made_with_another_kernel_keeps_the_promise_on_every_topic_and_che
     if not features:
         pytest.skip('numpy uses no feature of this CPU that can be disabled')
     path, names = tmp_path / 'other.mcap', ', '.join((~Effect.CLOCK).names)
-    subprocess.run([sys.executable, '-m', 'dragon_ros', 'simulate', *SCENE, '--set', 'run.stop_s=412.3', '--set',
-                    f'effects=[{names}]', '--output', path], env=os.environ | {'NPY_DISABLE_CPU_FEATURES': ' '.join(features)}, check=True,
-                   stderr=subprocess.DEVNULL)
+    command = ['simulate', *SCENE, '--set', 'run.stop_s=412.3', '--set', f'effects=[{names}]', '--output', path]
+    subprocess.run([sys.executable, '-m', 'dragon_ros', *command], check=True, stderr=subprocess.DEVNULL,
+                   env=os.environ | {'NPY_DISABLE_CPU_FEATURES': ' '.join(features)})
     code, out, _ = run(capsys, 'inspect', path, '--check')
     assert code == 0, out
     assert 'are within the accuracy of tier exact but not bit-identical' in out
