@@ -51,9 +51,9 @@ def serve(listener, *arguments):
     In a worker, this function does what ``python -c`` does, with the client's standard streams.
     """
     _import_tests(arguments)
-    interrupt = signal.signal(signal.SIGINT, signal.SIG_IGN)        # the workers handle it
     if 'processes' in sys.modules:
         sys.modules['processes'].share()
+    interrupt = signal.signal(signal.SIGINT, signal.SIG_IGN)        # the workers handle it
     workers = []
     with socket.socket(fileno=int(listener)) as clients:
         while clients in select.select([sys.stdin, clients], [], [])[0]:
