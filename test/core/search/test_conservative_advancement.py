@@ -68,8 +68,13 @@ def test_the_turn_of_the_contest_takes_few_looks():
     assert found.states < 440
 
 
-def test_steps_join_up_to_the_contact():
-    found = first_contact(TIGHT)
+@pytest.fixture(scope='module')
+def tight():
+    return first_contact(TIGHT)
+
+
+def test_steps_join_up_to_the_contact(tight):
+    found = tight
     steps = found.certificate.led_by(ALL)
     assert all(one.stop_m == other.start_m for one, other in pairwise(steps))
     assert steps[0].start_m == pytest.approx(0.0, abs=1e-12)
@@ -121,8 +126,8 @@ def spoken_for(scene, intervals, t_s):
 
 
 @pytest.fixture(scope='module')
-def written():
-    return certificate.as_values(TIGHT, first_contact(TIGHT))
+def written(tight):
+    return certificate.as_values(TIGHT, tight)
 
 
 @pytest.mark.parametrize('change', [{'t_s': 113.2}, {'t_s': 113.29}, {'t_s': 150.0}, {'benches': [0, 14]},

@@ -147,10 +147,10 @@ def test_a_certain_contact_after_a_near_miss_is_not_called_grazing():
 
 def test_the_head_passes_where_others_touch_and_not_where_it_touches():
     stop_s = first_contact(Scene()).t_s
-    assert [head_passes(Scene(run=Run(300, end_s))) for end_s in (stop_s - 1e-3, stop_s + 1e-3)] == [True, False]
+    assert [head_passes(Scene(run=Run(405, end_s))) for end_s in (stop_s - 1e-3, stop_s + 1e-3)] == [True, False]
     short = Dragon(head_length_m=1.2)
     assert first_contact(Scene(dragon=short)).t_s == pytest.approx(423.969536, abs=1e-6)      # docs/cumcm-2024-a.md:
-    assert [head_passes(Scene(dragon=short, run=Run(300, end_s))) for end_s in (430.753, 430.754)] == [True, False]
+    assert [head_passes(Scene(dragon=short, run=Run(405, end_s))) for end_s in (430.753, 430.754)] == [True, False]
 
 
 def test_whether_the_head_passes_is_known_from_fewer_states_than_where_it_touches():

@@ -1,5 +1,6 @@
 """The largest speed of any handle, and the resulting limit on the leader's speed, for every track, law and leader."""
 from dataclasses import replace
+from functools import cache
 from itertools import pairwise
 from math import inf, nextafter
 
@@ -130,9 +131,14 @@ SCENES = {
 }
 
 
+@cache
+def answer(name):
+    return max_speed(SCENES[name])
+
+
 @pytest.mark.parametrize('name', thinned(SCENES, lambda name: [*SCENES].index(name) % 2 == 0))
 def test_no_handle_is_faster_on_any_track_under_any_law_behind_head_or_tail(name):
-    found = max_speed(SCENES[name])
+    found = answer(name)
     check(SCENES[name], found, 400)
     rounding = 1e-11 * found.ratio**2       # position error over a link of 1 m, times the square of the ratio
     assert found.bound / found.ratio - 1 < rounding
@@ -140,14 +146,14 @@ def test_no_handle_is_faster_on_any_track_under_any_law_behind_head_or_tail(name
 
 def test_far_from_the_lock_and_on_the_way_out_the_head_is_the_fastest():
     for name in ('inwards, far from the lock', 'out'):
-        found = max_speed(SCENES[name])
+        found = answer(name)
         assert (found.ratio, found.handle) == (1.0, 0)
-    assert max_speed(SCENES['inwards, next to the lock']).ratio > 10
-    assert max_speed(SCENES['inwards, mixed, next to the lock of a long link']).handle == 4
+    assert answer('inwards, next to the lock').ratio > 10
+    assert answer('inwards, mixed, next to the lock of a long link').handle == 4
 
 
 def test_a_tail_that_leads_out_of_a_spiral_is_slower_than_its_head_and_most_at_the_start():
-    found = max_speed(SCENES['unwinding behind the tail'])
+    found = answer('unwinding behind the tail')
     assert (found.handle, found.gone_m) == (0, 0.0)
     assert found.ratio > 1
 
@@ -156,8 +162,7 @@ def test_a_tail_that_leads_out_of_a_spiral_is_slower_than_its_head_and_most_at_t
     ['turning with a profile', 'turning with a linear profile', 'back through the turn'],
     lambda name: name == 'back through the turn'))
 def test_a_profile_is_scaled_as_a_whole_until_a_handle_reaches_the_limit(name):
-    scene, limit = SCENES[name], 2.0
-    found = max_speed(scene)
+    scene, limit, found = SCENES[name], 2.0, answer(name)
     factor = limit / found.ratio / _top(scene)
     law = replace(scene.head, knots=tuple((t / factor, v * factor) for t, v in scene.head.knots))
     scaled = replace(scene, head=law, run=Run(scene.run.start_s / factor, scene.run.stop_s / factor))
