@@ -128,7 +128,8 @@ def test_fails_as_expected(): assert False
 @pytest.mark.long
 @pytest.mark.parametrize('more', [[], ['--junit-xml=found.xml']], ids=['terminal', 'file'])
 def test_workers_report_the_outcomes_of_all_phases(conftest, tmp_path, more):
-    shutil.copy(conftest.__file__, tmp_path)
+    for name in ('conftest.py', 'forked_workers.py', 'forked_worker.py'):
+        shutil.copy(Path(conftest.__file__).with_name(name), tmp_path)
     (tmp_path / 'test_outcomes.py').write_text(OUTCOMES)
     done = subprocess.run([sys.executable, '-m', 'pytest', '-q', '-n2', '-c', '/dev/null', '--rootdir', tmp_path,
                            *more, tmp_path], cwd=tmp_path, capture_output=True, text=True, check=False)
