@@ -105,6 +105,11 @@ def _ready():
         forkserver.ensure_running()
 
 
+def children(pid):
+    """Return the IDs of the processes that a process has started, without the time that psutil takes."""
+    return [int(one) for one in Path(f'/proc/{pid}/task/{pid}/children').read_text().split()]
+
+
 def share():
     """Let processes that are forked from this one fork theirs from the same process, and create nodes quickly."""
     _ready()

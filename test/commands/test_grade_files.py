@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from processes import children
 from properties import thinned
-from test_workers import children
 
 from dragon_ros.__main__ import main
 from dragon_ros.cli.progress import Progress
@@ -66,6 +66,11 @@ def contest():
     return {'位置': [HEAD, *PLACES], '速度': [HEAD, *SPEEDS]}
 
 
+def as_text(point):
+    return {name: [rows[0], *([row[0], *(f'{cell:.6f}'.replace('.', point) for cell in row[1:])] for row in rows[1:])]
+            for name, rows in contest().items()}
+
+
 LAYOUTS = {
     'contest': contest,
     'other names of sheets': lambda: {'Sheet1': [HEAD, *PLACES], 'Sheet2': [HEAD, *SPEEDS]},
@@ -85,11 +90,8 @@ LAYOUTS = {
             for k, name in enumerate(NAMES))]},
     'long': lambda: {'data': [['time', 'handle', 'x', 'y', 'v'], *(
         [t, k, *P[n, k].tolist(), float(V[n, k])] for n, t in enumerate(TIMES.tolist()) for k in range(224))]},
-    'numbers as text': lambda: {name: [rows[0], *([row[0], *(f'{cell:.6f}' for cell in row[1:])] for row in rows[1:])]
-                                for name, rows in contest().items()},
-    'decimal commas': lambda: {
-        name: [rows[0], *([row[0], *(f'{cell:.6f}'.replace('.', ',') for cell in row[1:])] for row in rows[1:])]
-        for name, rows in contest().items()},
+    'numbers as text': lambda: as_text('.'),
+    'decimal commas': lambda: as_text(','),
     'x first, then y': lambda: {'位置': [HEAD, *PLACES[::2], *PLACES[1::2]], '速度': [HEAD, *SPEEDS]},
     'sorted by name': lambda: {'位置': [HEAD, *sorted(PLACES)], '速度': [HEAD, *sorted(SPEEDS)]},
     'two columns of labels': lambda: {

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from pool_jobs import FailsHere, InterruptedHere, KilledElsewhere, end_at_300, squares
-from processes import Forked
+from processes import Forked, children
 from properties import examples, thinned
 
 from dragon_ros.__main__ import main
@@ -185,11 +185,6 @@ def begun(path, least=2**21):
     while not path.exists() or path.stat().st_size < least:
         assert time.monotonic() < end
         time.sleep(0.02)
-
-
-def children(pid):
-    """Return the worker processes that a process has started."""
-    return [int(one) for one in Path(f'/proc/{pid}/task/{pid}/children').read_text().split()]
 
 
 def signal_all(pid, number):
