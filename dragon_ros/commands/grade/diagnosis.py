@@ -28,15 +28,7 @@ from dragon_ros.commands.contest.mistakes import (
     solved,
 )
 from dragon_ros.commands.grade.layout import HANDLES
-from dragon_ros.commands.grade.truth import (
-    TrueStates,
-    contact_s,
-    handles_at,
-    state_at,
-    truth_at,
-    turned_scene,
-    wound_scene,
-)
+from dragon_ros.commands.grade.truth import TrueStates, contact_s, handles_at, truth_at, turned_scene, wound_scene
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.numerics.types import Floats, Ints
@@ -611,7 +603,7 @@ def _turned(result: str, times_s: Floats, given: Floats, right: Floats, digits: 
     dragon = Dragon(head_length_m=links[0] + 0.55, body_length_m=links[1] + 0.55)
     try:
         scene, offset_s = turned_scene(dragon, track)
-        remade = state_at(scene, head_m + offset_s).handles_m
+        remade = handles_at(scene, head_m + offset_s)
     except DragonError:         # the arcs are too tight for these links
         return _unknown(findings)
     explains = share(given, remade if digits is None else np.round(remade, digits), right)
