@@ -1,4 +1,4 @@
-"""Tables 1 to 3 of the paper, reproduced to the last printed digit."""
+"""Tables 1 to 3 of the paper, reproduced to the last printed digit; the print lost two minus signs in Table 3."""
 import csv
 import io
 import json
@@ -19,20 +19,19 @@ def all_cells():
 def test_the_recipe_reproduces_every_printed_cell(all_cells, table):
     ours = [cell for cell in all_cells if cell.table == table]
     assert ours
-    assert [cell for cell in ours if cell.reproduced != cell.printed] == []
+    lost = [(cell.handle, cell.quantity) for cell in ours if cell.reproduced == '-' + cell.printed]
+    assert lost == ([(1, 'x'), (151, 'x')] if table == 3 else [])
+    assert sum(cell.reproduced == cell.printed for cell in ours) == len(ours) - len(lost)
 
 
 def test_every_printed_number_is_there(all_cells):
     printed = json.loads((Path(__file__).parents[1] / 'data' / 'paper_tables.json').read_text())
     assert len(all_cells) == 98 + 49
-    signs = printed['table3_sign_corrected_x']
     raw = {(1, h, q, float(t)): v[q] for h, row in printed['table1'].items() for t, v in row.items() for q in 'xy'}
     raw |= {(2, h, 'v', float(t)): v for h, row in printed['table2'].items() for t, v in row.items()}
     raw |= {(3, h, q, 412.2): row[q] for h, row in printed['table3'].items() for q in 'xyv'}
     for cell in all_cells:
-        as_printed = raw.pop((cell.table, str(cell.handle), cell.quantity, cell.t_s))
-        lost_sign = cell.table == 3 and cell.quantity == 'x' and str(cell.handle) in signs
-        assert cell.printed == ('-' if lost_sign else '') + as_printed
+        assert cell.printed == raw.pop((cell.table, str(cell.handle), cell.quantity, cell.t_s))
     assert not raw
 
 

@@ -36,6 +36,19 @@ def test_equations_6_and_7_angle_turned(t_s):
     assert abs(printed) > 4
 
 
+def printed_speed(t_s):
+    """The speed of the point that moves by the printed equation 7, at radius rho0 + p theta / 2 pi."""
+    theta = (-RHO0 + sqrt(RHO0**2 + 2 * P / pi * V * t_s)) / (P / pi)
+    turning = V / (P / pi * theta + RHO0)
+    return hypot(RHO0 + P * theta / (2 * pi), B) * turning
+
+
+def test_equations_6_and_7_slow_the_head_down_from_v_towards_half_of_it():
+    assert printed_speed(0.0) == pytest.approx(V, abs=1e-4)
+    assert printed_speed(412.0) == pytest.approx(0.80 * V, abs=0.005)
+    assert printed_speed(1e9) == pytest.approx(V / 2, abs=1e-3)
+
+
 @pytest.mark.parametrize('t_s', [60.0, 220.0, 300.0])
 def test_equations_8_and_9_root(t_s):
     phi = 2 * pi / P * (RHO0 - sqrt(RHO0**2 - P * V * t_s / pi))
@@ -64,6 +77,15 @@ def test_equations_12_to_14_velocity_of_the_head(t_s):
     printed = (V * sin(theta) + radial * cos(theta), V * cos(theta) + radial * sin(theta))
     assert hypot(*corrected) == pytest.approx(V, abs=1e-14)
     assert hypot(printed[0] - corrected[0], printed[1] - corrected[1]) > 0.5
+
+
+def test_equations_12_to_14_give_a_speed_on_both_sides_of_v():
+    theta = np.array([true_theta(t_s) for t_s in np.linspace(0.0, 400.0, 401)])
+    radial = -V / np.sqrt(1 + theta**2)
+    speed = np.hypot(V * np.sin(theta) + radial * np.cos(theta), V * np.cos(theta) + radial * np.sin(theta))
+    assert 0.45 < np.mean(speed < V) < 0.55
+    assert speed.min() == pytest.approx(0.969 * V, abs=0.002)
+    assert speed.max() == pytest.approx(1.030 * V, abs=0.002)
 
 
 def test_equation_17_next_handle():
@@ -110,7 +132,9 @@ def test_equation_24_range_of_an_edge():
     benches = benches_of(chain, SCENE.dragon, axes_of(chain))
     corners, axis, middle = benches.corners[5], benches.axis[5], benches.centre[5]
     half_x, k = abs(1.1 * axis[0]), axis[1] / axis[0]
-    a = 0.15 / sqrt(1 + k * k)
+    normal = np.array([-axis[1], axis[0]])
+    a = abs(0.15 * normal[1])
+    assert a == pytest.approx(0.15 / sqrt(1 + k * k), abs=1e-15), 'half the width, projected on y'
     left = sorted(corners[:2, 0]) if axis[0] > 0 else sorted(corners[2:, 0])
     corrected = (middle[0] - half_x - k * a, middle[0] + half_x - k * a)
     assert left == pytest.approx(corrected, abs=1e-12)
@@ -124,3 +148,11 @@ def test_section_3_4_next_layer_is_outside():
     assert first[0] <= 8 <= last[0]
     inwards = np.searchsorted(angle, angle[:2] - 2 * pi)
     assert not inwards.any(), 'no bench is one layer further in than the head'
+
+
+@pytest.mark.parametrize(('handle', 'x', 'y'), [(1, 1.726441, 1.677928), (151, 6.862909, -0.504428)])
+def test_table_3_lost_a_minus_sign_of_x_twice(handle, x, y):
+    def off_the_spiral_m(x):
+        turns = (hypot(x, y) / B - np.arctan2(y, x)) / (2 * pi)
+        return abs(turns - round(turns)) * P
+    assert off_the_spiral_m(-x) < 2e-6 < 0.01 < off_the_spiral_m(x)

@@ -24,7 +24,7 @@ _LABEL, _KIND, _CELL = 20, 11, 12       # number of terminal columns per value
 
 @dataclass(frozen=True)
 class PrintedNumber:
-    """A printed number and its true value; ``printed`` includes signs that are missing in print."""
+    """A number as printed, with the digits that the paper's recipe gives and the true value."""
 
     table: int
     handle: int
@@ -43,11 +43,11 @@ class PrintedNumber:
 def cells() -> list[PrintedNumber]:
     """Return every printed number of the three tables."""
     printed = json.loads((configuration_folder() / 'paper' / 'tables.json').read_text(encoding='utf-8'))
-    late, signs = printed['table3_reconstructed_time_s'], printed['table3_sign_corrected_x']
+    late = printed['table3_reconstructed_time_s']
     out = [_cell(1, handle, quantity, t_s, row[t_s][quantity])
            for handle, row in printed['table1'].items() for quantity in 'xy' for t_s in row]
     out += [_cell(2, handle, 'v', t_s, row[t_s]) for handle, row in printed['table2'].items() for t_s in row]
-    return out + [_cell(3, handle, quantity, late, signs.get(handle, row['x']) if quantity == 'x' else row[quantity])
+    return out + [_cell(3, handle, quantity, late, row[quantity])
                   for handle, row in printed['table3'].items() for quantity in 'xyv']
 
 
