@@ -141,9 +141,9 @@ class DragonNode(Node):
             self.closing.pop()()
         super().destroy_node()
 
-    def get_logger(self) -> logs.Logger:
+    def get_logger(self) -> Any:
         """Return the node's logger, which can also write JSON."""
-        return logs.logger(super().get_logger().name)
+        return logs.logger(super().get_logger())
 
     def _check_names(self, given: dict[str, Any]) -> None:
         """Raise InputError for a name that looks misspelt; warn about other names, since nodes may share a file."""

@@ -279,10 +279,10 @@ class Player:
         if time.monotonic() - self._logged_s >= _PROGRESS_S and logs.progress_wanted() and not self.stands():
             pacer, left_s = self.pacer, self._left_s()
             left = '' if left_s is None else f', {left_s:.0f} s left'
-            self._node.get_logger().info(
-                f'{self._source.place()}{left}, {counted(pacer.overruns, "overrun")}',
-                data={'t_s': (pacer.last_ns or 0) / NS, 'left_s': left_s, 'overruns': pacer.overruns,
-                      'time_scale': pacer.scale})
+            logs.progress(self._node.get_logger(), f'{self._source.place()}{left}, '
+                          f'{counted(pacer.overruns, "overrun")}', {
+                              't_s': (pacer.last_ns or 0) / NS, 'left_s': left_s, 'overruns': pacer.overruns,
+                              'time_scale': pacer.scale})
             self._note_place()
 
     def _left_s(self) -> float | None:

@@ -17,6 +17,7 @@ from dragon_ros.core.step import led_tick
 from dragon_ros.core.words import counted
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.frames import build_tables
+from dragon_ros.nodes.logs import Seldom
 
 TOPIC = 'cmd_vel'
 _DEPTH = 10
@@ -30,6 +31,7 @@ class Commands:
     def __init__(self, node: DragonNode, timeout_s: float, stamped: bool) -> None:
         """Subscribe to geometry_msgs/TwistStamped or to Twist, which many tools still send."""
         self.taken, self.dropped = 0, Counter[str]()
+        self._seldom = Seldom(1.0)
         self._node, self._timeout_s = node, timeout_s
         self._speed_m_s, self._until_s, self._stamp_ns, self._now_ns = 0.0, 0.0, 0, 0
         self._type, self._named = _KINDS[stamped], set[str]()
@@ -86,8 +88,8 @@ class Commands:
 
     def _drop(self, kind: str, why: str) -> None:
         self.dropped[kind] += 1
-        self._node.get_logger().warning(f'{TOPIC}: command dropped ({self.dropped.total()} so far): {why}',
-                                        throttle_duration_sec=1.0)
+        if self._seldom():
+            self._node.get_logger().warning(f'{TOPIC}: command dropped ({self.dropped.total()} so far): {why}')
 
 
 class LedFrames:

@@ -2,35 +2,58 @@
 import json
 import sys
 import time
-from functools import cache
 from typing import Any
-
-from rclpy.impl import rcutils_logger
 
 _PLAIN_ROS = ['--ros-args', '--disable-stdout-logs']
 _mode = {'json': False}
 
 
-class Logger(rcutils_logger.RcutilsLogger):
-    """ROS's logger; in JSON mode, it also writes messages that pass its filters as JSON with the keys of ``data``."""
+class JsonLogger:
+    """A logger of ROS that also writes each message that passes its severity as JSON.
 
-    def log(self, message: str, severity: int, data: dict[str, Any] | None = None, **filters: Any) -> bool:
-        """Log a message unless its severity or a filter suppresses it; return whether it was logged."""
-        passed: bool = super().log(message, severity, **filters)
-        if passed and _mode['json']:
-            write(rcutils_logger.LoggingSeverity(severity).name.lower(), self.name, message, data)
-        return passed
+    Each severity has a line of its own, because rclpy allows one severity per line that logs.
+    """
+
+    def __init__(self, ros: Any) -> None:
+        self._ros = ros
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._ros, name)
+
+    def info(self, message: str, data: dict[str, Any] | None = None) -> None:
+        """Log a message that needs no action; the object also has the keys of ``data``."""
+        if self._ros.info(message):
+            write('info', self._ros.name, message, data)
+
+    def warning(self, message: str) -> None:
+        """Log a message about something that a user may want to change."""
+        if self._ros.warning(message):
+            write('warn', self._ros.name, message)
+
+    def error(self, message: str) -> None:
+        """Log a message about a failure or a contact."""
+        if self._ros.error(message):
+            write('error', self._ros.name, message)
 
 
-# rclpy treats the first line outside these files as the caller, and applies filters such as throttle_duration_sec to
-# each caller separately. This list is not public, but files can be added to it. Only this module does so.
-rcutils_logger._internal_callers.append(__file__)
+class Seldom:
+    """Return True when called, but at most once per period."""
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s, self._next_s = period_s, 0.0
+
+    def __call__(self) -> bool:
+        """Return whether a period has passed since the last call that returned True."""
+        now_s = time.monotonic()
+        due = now_s >= self._next_s
+        if due:
+            self._next_s = now_s + self._period_s
+        return due
 
 
-@cache
-def logger(name: str) -> Logger:
-    """Return the logger with a name; the same name always returns the same object."""
-    return Logger(name)
+def logger(ros: Any) -> Any:
+    """Return a logger of ROS, which also writes JSON in JSON mode."""
+    return JsonLogger(ros) if _mode['json'] else ros
 
 
 def speak_json() -> list[str]:
@@ -44,15 +67,23 @@ def progress_wanted() -> bool:
     return _mode['json'] or sys.stderr.isatty()
 
 
+def progress(to: Any, message: str, data: dict[str, Any]) -> None:
+    """Log the progress of a run, with the keys of ``data`` in JSON mode."""
+    if _mode['json']:
+        to.info(message, data)
+    else:
+        to.info(message)
+
+
 def say(level: str, name: str, message: str) -> None:
     """Log one line without a node, as text or as JSON."""
     if _mode['json']:
-        write(level, name, message, None)
+        write(level, name, message)
     else:
         print(f'{name}: {message}', file=sys.stderr)
 
 
-def write(level: str, name: str, message: str, data: dict[str, Any] | None) -> None:
+def write(level: str, name: str, message: str, data: dict[str, Any] | None = None) -> None:
     """Write a JSON object as one line to standard error; ``wall_s`` is wall time in seconds since 1970."""
     row = {'wall_s': round(time.time(), 6), 'level': level, 'name': name, 'message': message, **(data or {})}
     print(json.dumps(row), file=sys.stderr, flush=True)

@@ -28,6 +28,7 @@ from dragon_ros.nodes import contact_messages as messages
 from dragon_ros.nodes import publisher_queue, publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.inbox import Inbox
+from dragon_ros.nodes.logs import Seldom
 from dragon_ros.nodes.obstacles import Obstacles
 from dragon_ros.nodes.params import MONITOR
 
@@ -63,6 +64,7 @@ class Monitor(DragonNode):
         self.pace, self._numbers = messages.Pace(), dict[int, int]()
         self._several: dict[str, list[str]] = {}
         self.seen = self.dropped = 0
+        self._seldom = Seldom(1.0)
         self._changes = messages.Changes()
         names = (*_TOPICS, *([_VECTOR] if self.setting['clearance_vector'] else []))
         self.topic_publishers = {name: self.create_publisher(shell.message_type(row.type), name, qos.of_channel(row))
@@ -157,7 +159,8 @@ class Monitor(DragonNode):
 
     def _drop(self, why: str) -> None:
         self.dropped += 1
-        self.get_logger().warning(f'message dropped ({self.dropped} so far): {why}', throttle_duration_sec=1.0)
+        if self._seldom():
+            self.get_logger().warning(f'message dropped ({self.dropped} so far): {why}')
 
     def _report(self, report: Report) -> None:
         """Publish the result of one tick on each topic that has subscribers or whose value has changed."""

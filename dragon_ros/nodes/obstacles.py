@@ -30,6 +30,7 @@ from dragon_ros.messages.transforms import FrameTree
 from dragon_ros.messages.venue_markers import fits_message, obstacles_message
 from dragon_ros.nodes import publishers, qos, shell
 from dragon_ros.nodes.base import STEADY, DragonNode
+from dragon_ros.nodes.logs import Seldom
 from dragon_ros.nodes.raw_subscription import subscribe_raw
 from dragon_ros.nodes.tf_publisher import TF
 from dragon_ros.scenes.load import load_venue
@@ -68,6 +69,7 @@ class Obstacles:
         self._is_published = self._is_new = False
         self._tree: FrameTree | None = None
         self._has_frames = False
+        self._seldom = Seldom(1.0)
         if self._file:
             self._located[f'file {value["venue"]}'] = Located(None, surroundings_of(self._file))
         topics = {_VENUE: (row.type, qos.of_channel(row), read_venue)}
@@ -210,7 +212,8 @@ class Obstacles:
         try:
             new = self._frames().take(data)
         except MessageError as error:
-            self._node.get_logger().warning(f'{error}', throttle_duration_sec=1.0)
+            if self._seldom():
+                self._node.get_logger().warning(f'{error}')
             return
         if new and self._unused:
             self._place()

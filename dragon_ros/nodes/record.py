@@ -28,6 +28,7 @@ from dragon_ros.messages.decode import MessageError, read_health, read_stamp_ns,
 from dragon_ros.messages.even_skips import FROM_FILL, EvenSkips
 from dragon_ros.nodes import publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import DragonNode
+from dragon_ros.nodes.logs import Seldom
 from dragon_ros.scenes import provenance
 
 _REST_S = 5.0       # maximum time after a signal to write earlier messages and the reports on their ticks
@@ -57,6 +58,7 @@ class Recorder(DragonNode):
         self._simulation, self._monitored = (SimulationClock(self._log, self.losses.skip) for _ in range(2))
         self._last, self._seen, self._counted, self._scene = time.monotonic(), False, 0.0, ''
         self._scenes, self._attached = SceneReader(self._settings(), trust), set[str]()
+        self._seldom, self._limit_told = Seldom(1.0), False
         self._unaccounted: list[tuple[str, int, int, bool]] = []    # messages received while a scene is being read
         self._names = {name: self.resolve_topic_name(name) for name in channels()}
         # The nodes of all dragons share absolute topics.
@@ -316,7 +318,8 @@ class Recorder(DragonNode):
             except MessageError as error:
                 self._invalid[topic] += 1
                 self.losses.skip(topic, sequence)
-                self.get_logger().warning(f'{topic}: message not recorded: {error}', throttle_duration_sec=1.0)
+                if self._seldom():
+                    self.get_logger().warning(f'{topic}: message not recorded: {error}')
         return callback
 
     def _heed(self, data: bytes, dragon: str) -> int | None:
@@ -357,8 +360,10 @@ class Recorder(DragonNode):
 
     def _attach(self, text: str, metadata: dict[str, str]) -> None:
         if len(self._attached) >= RECORDED_SCENES:
-            self.get_logger().warning(f'scene: the bag has {RECORDED_SCENES} attached scenes, which is the limit; '
-                                      'later scenes are only recorded as messages', once=True)
+            if not self._limit_told:
+                self._limit_told = True
+                self.get_logger().warning(f'scene: the bag has {RECORDED_SCENES} attached scenes, which is the limit; '
+                                          'later scenes are only recorded as messages')
             return
         self._attached.add(text)
         self.writer.describe(provenance.RECORD, metadata)
