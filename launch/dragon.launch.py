@@ -18,7 +18,7 @@ from launch.events.process import ProcessExited
 from launch_ros.actions import Node
 
 from dragon_ros.core.errors import DragonError
-from dragon_ros.nodes.launch_plan import ARGUMENTS, LaunchedNode, LaunchPlan, plan
+from dragon_ros.nodes.launch_plan import ARGUMENTS, LaunchedNode, LaunchPlan, misspelt, on, plan
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -31,13 +31,15 @@ def generate_launch_description() -> LaunchDescription:
 def actions(context: LaunchContext) -> list[Any]:
     """Return the actions for the given arguments."""
     given = {one.name: context.launch_configurations[one.name] for one in ARGUMENTS}
-    what = plan(given)
+    what = plan(given, context.launch_configurations.get('ros_namespace', ''))
+    ignored = misspelt(context.launch_configurations)
     nodes = {start.executable: node(what.namespace, start) for start in (*what.readers, what.source)}
     # A recorder exits by itself once the source is gone and everything has been written.
     last = RegisterEventHandler(OnProcessExit(target_action=nodes[(what.recorder or what.source).executable], on_exit=[
         EmitEvent(event=Shutdown(reason='the run has ended'))]))
     faults = [RegisterEventHandler(OnProcessExit(target_action=one, on_exit=fail)) for one in nodes.values()]
-    return [*(LogInfo(msg=note) for note in what.notes), *faults, last, *nodes.values(), *view(given, what)]
+    notes = [LogInfo(msg=note) for note in (*ignored, *what.notes)]
+    return [*notes, *faults, last, *nodes.values(), *view(given, what)]
 
 
 def fail(event: ProcessExited, _: LaunchContext) -> None:
@@ -68,7 +70,7 @@ def written(start: LaunchedNode) -> str:
 
 def view(given: dict[str, str], what: LaunchPlan) -> Iterator[Any]:
     """Yield RViz, or a message if it is not installed."""
-    if given['rviz'] != 'true' or given['headless'] == 'true':
+    if not on(given, 'rviz') or on(given, 'headless'):
         return
     try:
         get_package_prefix('rviz2')
@@ -76,7 +78,7 @@ def view(given: dict[str, str], what: LaunchPlan) -> Iterator[Any]:
         yield LogInfo(msg='rviz2 is not installed, so nothing is shown; install it, or give headless:=true')
         return
     yield Node(package='rviz2', executable='rviz2', namespace=what.namespace, arguments=['-d', view_file(what)],
-               parameters=[{'use_sim_time': given['use_sim_time'] == 'true'}])
+               parameters=[{'use_sim_time': on(given, 'use_sim_time')}])
 
 
 def view_file(what: LaunchPlan) -> str:

@@ -1,5 +1,5 @@
 """Plan the executables that ``dragon.launch.py`` starts and their parameters, without using the launch library."""
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from math import isfinite
@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from dragon_ros.bags.read.frames import FRAME_ID, frame_of_bag, namespace_of
 from dragon_ros.bags.read.reader import BagReader
-from dragon_ros.core.errors import DragonError, InputError
+from dragon_ros.core.errors import DragonError, InputError, did_you_mean
 from dragon_ros.core.scene import NS
 from dragon_ros.messages.channels import Channel, channels, live
 from dragon_ros.nodes.params import DISCOVERY_S
@@ -16,8 +16,9 @@ from dragon_ros.scenes.load import load_scene
 
 _WATCHED = ('handles', 'benches')
 _VENUE = 'venue'
+_MISSPELT = 0.75                # difflib ratio: scen is a misspelt scene (0.89); use_rviz is another name (0.67)
 _ARGUMENT_OF = {'rate_hz': 'rate', 'warn_below_m': 'warn_below', 'publish_clock': 'use_sim_time'}  # if names differ
-YES_NO = ('true', 'false')
+YES_NO = ('true', 'false', 'True', 'False')       # launch files in Python write True
 
 
 class Argument(NamedTuple):
@@ -44,7 +45,8 @@ ARGUMENTS = (
              'empty: hold, or stop with on_contact:=stop', ('', 'stop', 'hold', 'loop')),
     Argument('on_contact', 'continue', 'at the first contact: continue, hold or stop there',
              ('continue', 'hold', 'stop'), concerns='sim'),
-    Argument('namespace', 'dragon', 'namespace of all nodes and topics'),
+    Argument('namespace', 'dragon', 'namespace of all nodes and topics; relative to a namespace that another launch '
+                                    'file has pushed, unless it starts with /'),
     Argument('frame_id', '', 'frame of all messages; empty: the same as the namespace, or as in the bag'),
     Argument('params_file', '', 'YAML file with parameters of the nodes; launch arguments take precedence if given'),
     Argument('use_sim_time', 'false', 'the sim or replay publishes /clock, which the other nodes follow', YES_NO),
@@ -116,10 +118,13 @@ class _ObservedNode:
     seen: bool | None
 
 
-def plan(given: Mapping[str, str]) -> LaunchPlan:
-    """Return the plan for the launch arguments, all of them strings. Raises InputError, naming an invalid argument."""
-    namespace = '/' + given['namespace'].strip('/')
-    watching = _on(given, 'monitor')
+def plan(given: Mapping[str, str], pushed: str = '') -> LaunchPlan:
+    """Return the plan for the launch arguments, all of them strings. Raises InputError, naming an invalid argument.
+
+    ``pushed`` is the namespace that an including launch file has pushed (PushRosNamespace).
+    """
+    namespace = _absolute(given['namespace'], pushed)
+    watching = on(given, 'monitor')
     source = _replay(given, namespace, watching) if given['replay'] else _sim(given, namespace, watching)
     notes = []
     if watching and source.seen is False:
@@ -134,9 +139,25 @@ def plan(given: Mapping[str, str]) -> LaunchPlan:
     return LaunchPlan(namespace, source.frame_id, finish[:-1], finish[-1], tuple(notes))
 
 
+def _absolute(namespace: str, pushed: str) -> str:
+    """Return a namespace as an absolute one; a relative one lies in the pushed namespace."""
+    parts = [namespace] if namespace.startswith('/') else [pushed, namespace]
+    return '/' + '/'.join(part.strip('/') for part in parts if part.strip('/'))
+
+
+def misspelt(configured: Iterable[str]) -> list[str]:
+    """Return a line for each launch configuration whose name is close to that of an argument, but not equal to it.
+
+    Launch accepts any name, and an including launch file may use other names for itself, so that these are no errors.
+    """
+    names = [one.name for one in ARGUMENTS]
+    return [f'launch argument {name} is not known and is ignored; {hint}' for name in configured
+            if name not in names and (hint := did_you_mean(name, names, '', _MISSPELT))]
+
+
 def _monitor(given: Mapping[str, str]) -> LaunchedNode:
     return LaunchedNode('monitor', [], {
-        'clearance_vector': _on(given, 'clearance_vector'), 'warn_below_m': _number(given, 'warn_below'),
+        'clearance_vector': on(given, 'clearance_vector'), 'warn_below_m': _number(given, 'warn_below'),
         'map_occupied': _whole(given, 'map_occupied'),
         **{name: given[name] for name in ('venue', 'map', 'map_unknown', 'venue_pose')}})
 
@@ -148,7 +169,9 @@ def _recorder(given: Mapping[str, str], wait: bool) -> LaunchedNode:
 
 def _is_given(given: Mapping[str, str], name: str) -> bool:
     """Return whether an argument differs from its default."""
-    return given[name] != next(one.default for one in ARGUMENTS if one.name == name)
+    argument = next(one for one in ARGUMENTS if one.name == name)
+    value = given[name].lower() if argument.choices == YES_NO else given[name]
+    return value != argument.default
 
 
 def _refuse_idle(given: Mapping[str, str], started: list[str], notes: list[str]) -> None:
@@ -162,17 +185,17 @@ def _refuse_idle(given: Mapping[str, str], started: list[str], notes: list[str])
 
 def _common(given: Mapping[str, str], one: LaunchedNode) -> LaunchedNode:
     """Add the parameters and options that all nodes share."""
-    parameters = {'use_sim_time': _on(given, 'use_sim_time'), **one.parameters}
+    parameters = {'use_sim_time': on(given, 'use_sim_time'), **one.parameters}
     known = {argument.name for argument in ARGUMENTS}
     asked = {name for name in parameters
              if (argument := _ARGUMENT_OF.get(name, name)) in known and _is_given(given, argument)}
     return replace(one, parameters=parameters, file=given['params_file'], asked=frozenset(asked),
-                   arguments=[*one.arguments, *(['--json'] if _on(given, 'json') else [])])
+                   arguments=[*one.arguments, *(['--json'] if on(given, 'json') else [])])
 
 
-def _on(given: Mapping[str, str], name: str) -> bool:
+def on(given: Mapping[str, str], name: str) -> bool:
     """Return whether a boolean argument is true."""
-    return given[name] == 'true'
+    return given[name].lower() == 'true'
 
 
 def _number(given: Mapping[str, str], name: str) -> float:
@@ -226,7 +249,7 @@ def _sim(given: Mapping[str, str], namespace: str, watching: bool) -> _ObservedN
     return _ObservedNode(LaunchedNode('sim', [], {
         'scene': given['scene'], 'set': changes or [''], 'accuracy': given['accuracy'], 'at_end': _at_end(given),
         'time_scale': _number(given, 'time_scale'), 'on_contact': given['on_contact'], 'frame_id': frame_id,
-        'publish_clock': _on(given, 'use_sim_time'), 'publish_tf': _on(given, 'publish_tf'),
+        'publish_clock': on(given, 'use_sim_time'), 'publish_tf': on(given, 'publish_tf'),
         'wait_subscribers': wait, 'discovery_s': _number(given, 'discovery_s'), **optional}), frame_id, seen)
 
 
@@ -237,7 +260,7 @@ def _replay(given: Mapping[str, str], namespace: str, watching: bool) -> _Observ
     """
     parameters = {'time_scale': _number(given, 'time_scale'), 'at_end': _at_end(given),
                   'discovery_s': _number(given, 'discovery_s')}
-    arguments, clock = [given['replay'], '--into', namespace], _on(given, 'use_sim_time')
+    arguments, clock = [given['replay'], '--into', namespace], on(given, 'use_sim_time')
     frame_id, seen = FRAME_ID, None
     try:
         with BagReader(Path(given['replay'])) as bag:

@@ -27,6 +27,18 @@ service.include_launch_description(LaunchDescription([IncludeLaunchDescription(
     PythonLaunchDescriptionSource(sys.argv[1]), launch_arguments=[one.split(':=', 1) for one in sys.argv[2:]])]))
 sys.exit(service.run())
 """
+PUSHED = """
+import sys
+from launch import LaunchDescription, LaunchService
+from launch.actions import GroupAction, IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch_ros.actions import PushRosNamespace
+service = LaunchService()
+service.include_launch_description(LaunchDescription([GroupAction([PushRosNamespace(robot), IncludeLaunchDescription(
+    PythonLaunchDescriptionSource(sys.argv[1]), launch_arguments=[one.split(':=', 1) for one in sys.argv[2:]])])
+    for robot in ('one', 'two')]))
+sys.exit(service.run())
+"""
 STAND_IN = '#!/bin/sh\necho "rviz2 runs with $*"\ncat "$2"\nexec sleep 1000\n'
 
 
@@ -53,8 +65,8 @@ def launch(domain, prefix, tmp_path):
                    'PYTHONPATH': os.pathsep.join([str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]),
                    'PATH': os.pathsep.join([str(Path(sys.executable).parent), os.environ['PATH']])}
 
-    def run(*arguments):
-        command = [sys.executable, '-c', LAUNCH, str(ROOT / 'launch' / 'dragon.launch.py'), *arguments]
+    def run(*arguments, program=LAUNCH):
+        command = [sys.executable, '-c', program, str(ROOT / 'launch' / 'dragon.launch.py'), *arguments]
         running.append(Process(Started(command, environment, tmp_path)))
         return running[-1]
     yield run
@@ -193,3 +205,13 @@ def test_what_cannot_be_ends_everything_with_the_reason(launch, argument, says):
     run = launch(argument, 'headless:=true')
     assert run.end() == 1
     assert says in run.text
+
+
+def test_two_robots_push_namespaces_around_the_launch_file(launch, node):
+    launched = launch('headless:=True', 'scen:=minimal', program=PUSHED)
+    for robot in ('one', 'two'):
+        node.until(lambda robot=robot: node.count_publishers(f'/{robot}/dragon/handles') == 1)
+        node.until(lambda robot=robot: node.count_publishers(f'/{robot}/dragon/clearance') == 1)
+    assert node.count_publishers('/dragon/handles') == 0
+    launched.wait_for('launch argument scen is not known and is ignored; did you mean scene?')
+    launched.stop()

@@ -15,7 +15,7 @@ from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import read_diagnostics
 from dragon_ros.messages.encode import encoders
-from dragon_ros.nodes.launch_plan import ARGUMENTS, plan
+from dragon_ros.nodes.launch_plan import ARGUMENTS, YES_NO, misspelt, plan
 from dragon_ros.scenes.provenance import RECORD, run_metadata, scene_file
 
 SCENE = Scene(run=Run(412.2, 412.7))
@@ -194,3 +194,30 @@ def test_at_any_rate_every_recorded_value_stands_at_the_time_of_its_tick(launche
 def test_a_part_of_a_bag_has_finite_ends(watched, value):
     with pytest.raises(InputError, match=f'launch argument start_s:={value}: it is not a finite number; write for'):
         planned(replay=str(watched), start_s=value)
+
+
+@pytest.mark.parametrize(('given', 'pushed', 'absolute'), [
+    ('dragon', '', '/dragon'), ('dragon', '/robot1', '/robot1/dragon'), ('dragon/', 'robot1', '/robot1/dragon'),
+    ('/red', '/robot1', '/red'), ('', '/robot1', '/robot1'), ('a/b', '/robot1/', '/robot1/a/b')])
+def test_a_relative_namespace_lies_in_the_pushed_one_and_an_absolute_one_does_not(watched, given, pushed, absolute):
+    arguments = {one.name: one.default for one in ARGUMENTS} | {'namespace': given}
+    assert plan(arguments, pushed).namespace == absolute
+    replay = plan({**arguments, 'replay': str(watched)}, pushed)
+    assert replay.source.arguments[1:3] == ['--into', absolute]
+
+
+def test_two_robots_have_frames_of_their_own():
+    arguments = {one.name: one.default for one in ARGUMENTS}
+    assert [plan(arguments, robot).frame_id for robot in ('/one', '/two', '')] == ['one_dragon', 'two_dragon', 'dragon']
+
+
+def test_launch_files_in_python_may_write_true(watched):
+    assert planned(publish_tf='True', rviz='False').source.parameters['publish_tf'] is True
+    assert planned(monitor='False').readers == []
+    assert planned(replay=str(watched), publish_tf='False').source.executable == 'replay'      # as by default
+    assert {one.choices for one in ARGUMENTS if one.default in YES_NO} == {YES_NO}
+
+
+def test_a_misspelt_argument_is_named_with_a_suggestion():
+    (line,) = misspelt([*(one.name for one in ARGUMENTS), 'scen', 'use_rviz', 'robot_name'])
+    assert line == 'launch argument scen is not known and is ignored; did you mean scene?'
