@@ -77,15 +77,30 @@ def test_another_reader_of_books_finds_the_same_and_shows_all_numbers_with_six_d
     openpyxl = pytest.importorskip('openpyxl')
     most = None if request.config.getoption('--long') else 3        # the number of rows that are read
     for name in ('result1', 'result2'):
-        path = folder / f'{name}.xlsx'
-        with closing(openpyxl.load_workbook(path, read_only=True)) as one, ZipFile(path) as parts:
-            for number, page in enumerate(one, 1):
+        with closing(openpyxl.load_workbook(folder / f'{name}.xlsx', read_only=True)) as one:
+            for page in one:
                 for row, (head, *cells) in zip(book(name)[page.title], page.iter_rows(max_row=most), strict=False):
                     assert [head.value or '', *(cell.value for cell in cells)] == row
                     assert {cell.number_format for cell in cells if isinstance(cell.value, float)} <= {'0.000000'}
-                assert isinstance(cells[-1].value, float)
-                # All cells with numbers have the same attributes, and thereby the same format.
-                assert len(set(re.findall(rb'<c([^>]*)><v>', parts.read(f'xl/worksheets/sheet{number}.xml')))) == 1
+                assert isinstance(cells[-1].value, (int, float))
+
+
+@pytest.mark.parametrize(('name', 'number', 'dimension'), [
+    ('result1', 1, 'A1:KP449'), ('result1', 2, 'A1:KP225'), ('result2', 1, 'A1:D225'), ('result4', 1, 'A1:GT449'),
+    ('result4', 2, 'A1:GT225')])
+def test_every_row_and_cell_states_its_place_and_the_dimension_is_true(folder, name, number, dimension):
+    """Other programs, such as SheetJS and ExcelJS, do not count rows and cells themselves."""
+    with ZipFile(folder / f'{name}.xlsx') as parts:
+        page = parts.read(f'xl/worksheets/sheet{number}.xml').decode()
+    assert re.findall(r'<dimension ref="([^"]*)"', page) == [dimension]
+    rows = re.findall(r'<row\b([^>]*)>(.*?)</row>', page)
+    assert len(rows) == int(re.search(r'\d+$', dimension)[0])
+    for line, (attributes, cells) in enumerate(rows, 1):
+        assert re.search(r'\br="(\d+)"', attributes)[1] == str(line)
+        places = re.findall(r'<c\b[^>]*?\br="([A-Z]+)(\d+)"', cells)
+        assert len(places) == cells.count('<c ') > 0
+        assert {row for _, row in places} == {str(line)}
+        assert places[-1][0] == re.search(r':([A-Z]+)', dimension)[1]
 
 
 def the_organisers_rows(name, sheet):

@@ -1,13 +1,10 @@
 """The result files of the contest problem (CUMCM 2024 A), as CSV and XLSX in the contest's layout."""
 import csv
-import re
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
-from io import BytesIO, TextIOWrapper
+from io import TextIOWrapper
 from pathlib import Path
-from xml.sax.saxutils import escape
-from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 
@@ -24,8 +21,6 @@ POSITION, SPEED = '位置', '速度'
 ENDS = ('龙头', '龙尾（后）')
 _FIRST_S, _LAST_S = 0, 300
 _BEFORE_S = 100
-_SHEET = re.compile(r'xl/worksheets/sheet(\d+)\.xml')
-_NO_NAME = '<c t="inlineStr"><is><t></t></is></c>'
 
 
 @dataclass(frozen=True)
@@ -117,10 +112,10 @@ def write(folder: Path, wound: Scene, turning: Scene, progress: Callable[[], obj
     return paths
 
 
-def _cells(sheet: ResultSheet) -> list[list[str]]:
+def _rounded(sheet: ResultSheet) -> Floats:
     """Return values rounded to six decimals, without a minus sign on zero."""
     rounded: Floats = np.round(sheet.values, 6) + 0.0
-    return [['%.6f' % value for value in row] for row in rounded.tolist()]      # noqa: UP031 - takes half the time
+    return rounded
 
 
 def _write_csv(folder: Path, name: str, sheet: ResultSheet) -> Path:
@@ -129,36 +124,24 @@ def _write_csv(folder: Path, name: str, sheet: ResultSheet) -> Path:
     with (whole_or_none(path, overwrite=True) as raw, TextIOWrapper(raw, encoding='utf-8-sig', newline='') as file):
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(('', *sheet.columns))
-        writer.writerows([row, *cells] for row, cells in zip(sheet.rows, _cells(sheet), strict=True))
+        writer.writerows([name, *(f'{value:.6f}' for value in values)]
+                         for name, values in zip(sheet.rows, _rounded(sheet).tolist(), strict=True))
     return path
 
 
 def _write_xlsx(path: Path, sheets: list[ResultSheet]) -> Path:
-    """Write a workbook with openpyxl, but insert the cells directly, which is twenty times as fast."""
+    """Write a workbook whose numbers are shown with six decimals."""
     from openpyxl import Workbook
-    book, saved = Workbook(), BytesIO()
+    book = Workbook()
     book.remove(book.active)
     for sheet in sheets:
-        corner = book.create_sheet(sheet.title).cell(len(sheet.rows) + 1, len(sheet.columns) + 1, 0.0)
-        corner.number_format = '0.000000'
-    book.save(saved)
-    with (ZipFile(saved) as made, whole_or_none(path, overwrite=True) as file,
-          ZipFile(file, 'w', ZIP_DEFLATED) as out):
-        for entry in made.infolist():
-            data = made.read(entry)
-            if found := _SHEET.fullmatch(entry.filename):
-                data = _filled(data.decode(), sheets[int(found[1]) - 1], corner.style_id)
-            out.writestr(entry.filename, data)
+        page = book.create_sheet(sheet.title)
+        page.append((None, *sheet.columns))
+        for name, values in zip(sheet.rows, _rounded(sheet).tolist(), strict=True):
+            page.append((name, *values))
+        for row in page.iter_rows(2, min_col=2):
+            for cell in row:
+                cell.number_format = '0.000000'
+    with whole_or_none(path, overwrite=True) as file:
+        book.save(file)
     return path
-
-
-def _filled(page: str, sheet: ResultSheet, style: int) -> bytes:
-    """Return a sheet's XML with its cells, to replace the XML that openpyxl wrote (ECMA-376 part 1, 18.3.1.80)."""
-    head, rest = page.split('<sheetData>', 1)
-    heads = ''.join(f'<c t="inlineStr"><is><t>{escape(name)}</t></is></c>' for name in ('', *sheet.columns))
-    lines = [f'<row>{heads.replace(_NO_NAME, "<c/>", 1)}</row>']
-    start, between = f'<c s="{style}"><v>', f'</v></c><c s="{style}"><v>'
-    for name, cells in zip(sheet.rows, _cells(sheet), strict=True):
-        lines.append(f'<row><c t="inlineStr"><is><t xml:space="preserve">{escape(name)}</t></is></c>{start}'
-                     f'{between.join(cells)}</v></c></row>')
-    return ''.join((head, '<sheetData>', *lines, '</sheetData>', rest.split('</sheetData>', 1)[1])).encode()
