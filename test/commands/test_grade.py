@@ -20,6 +20,7 @@ from dragon_ros.commands.contest.mistakes import (
     points,
     solved,
 )
+from dragon_ros.commands.grade import team
 from dragon_ros.commands.grade.diagnosis import _along_track, answer_findings, nice, rounded_to, share
 from dragon_ros.commands.grade.layout import GivenResult
 from dragon_ros.commands.grade.tables import COLUMNS, csv_text, json_text, keys_of, looks_like, text_of
@@ -213,6 +214,32 @@ def test_any_table_of_numbers_gets_a_finite_verdict(result, damage):
     truth = right(result, times)
     sheets = tuple(grades_of(result, given(damage(truth.handles_m), damage(truth.handles_m)[..., 0], times)))
     json.loads(json_text([TeamGrade('a', (), sheets, ())]), parse_constant=pytest.fail)
+
+
+def without_a_head(p):
+    """Handles counted from 1: the head is missing, and the chords of the others are too long."""
+    return np.concatenate((np.full_like(p[:, :1], np.nan), 1.1 * p[:, :-1]), axis=1)
+
+
+@pytest.mark.parametrize('spoil', [
+    without_a_head, lambda p: np.where(np.arange(224)[:, None] == 1, np.nan, p * 1.1),
+    lambda p: np.where(np.arange(224)[:, None] > 0, np.nan, p * (1.1, 1)), lambda p: p[:, 5:6] + 0 * p + 9,
+    lambda p: np.where(np.isin(np.arange(224), (0, 1, 51, 101, 151, 201, 223))[:, None], 1.01 * p, np.nan)])
+@pytest.mark.parametrize('result', ['result1', 'result4'])
+def test_what_cannot_be_fitted_is_unknown_and_ends_no_grading(result, spoil):
+    times = TIMES if result == 'result1' else TURNING
+    positions, speeds = grades_of(result, given(spoil(right(result, times).handles_m), times=times))
+    assert (positions.verdict, positions.findings[-1].key, speeds.verdict) == ('wrong', 'unknown', 'missing')
+    assert 0 <= positions.explains < 0.99
+
+
+def test_a_fit_that_fails_ends_neither_the_grading_nor_the_team(monkeypatch):
+    def fail(*_):
+        raise np.linalg.LinAlgError('SVD did not converge')
+    monkeypatch.setattr(team, 'diagnose_positions', fail)
+    truth = right()
+    positions, speeds = grades_of('result1', given(truth.handles_m + 1, truth.speed_m_s))
+    assert (positions.verdict, positions.findings[-1].key, speeds.findings) == ('wrong', 'unknown', ())
 
 
 @pytest.mark.parametrize('factor', [1e3, 1e12])

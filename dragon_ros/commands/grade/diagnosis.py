@@ -443,8 +443,13 @@ def _link_candidates(theta: Floats, given: Floats, noise_m: float,
 
 
 def constant_links(off: Floats, noise_m: float) -> tuple[list[float], list[Finding]] | None:
-    """Return link lengths and findings that explain link errors (T, 223), or None if the errors vary with time."""
+    """Return link lengths and findings that explain link errors (T, 223), or None if the errors vary with time.
+
+    Links without values have their right lengths, or that of the other body links.
+    """
     head, body, last = (float(np.nanmedian(each)) for each in (off[:, 0], off[:, 1:-1], off[:, -1]))
+    head, body = np.nan_to_num(head).item(), np.nan_to_num(body).item()
+    last = body if np.isnan(last) else last
     middle = np.concatenate(([head], np.full(off.shape[1] - 2, body), [last]))
     if np.nanpercentile(np.abs(off - middle) - np.maximum(noise_m, 0.05 * np.abs(middle)), 98) > 0:
         return None
@@ -600,11 +605,11 @@ def _turned(result: str, times_s: Floats, given: Floats, right: Floats, digits: 
         findings += said
     if findings and findings[0].key in ('head_unknown', 'circle_before'):
         return _unknown(findings)
-    dragon = Dragon(head_length_m=links[0] + 0.55, body_length_m=links[1] + 0.55)
     try:
+        dragon = Dragon(head_length_m=links[0] + 0.55, body_length_m=links[1] + 0.55)
         scene, offset_s = turned_scene(dragon, track)
         remade = handles_at(scene, head_m + offset_s)
-    except DragonError:         # the arcs are too tight for these links
+    except DragonError:         # no dragon has such links, or the arcs are too tight for them
         return _unknown(findings)
     explains = share(given, remade if digits is None else np.round(remade, digits), right)
     return Diagnosis(findings, explains) if explains >= EXPLAINED else _unknown(findings, explains)

@@ -4,10 +4,10 @@ The grades are plain values that processes can exchange.
 """
 import re
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +27,7 @@ from dragon_ros.commands.grade.reading import read_book
 from dragon_ros.commands.grade.truth import RESULTS, TrueStates, contact_s, truth_at
 from dragon_ros.commands.grade.words import sentence
 from dragon_ros.core.checks import number
-from dragon_ros.core.errors import InputError
+from dragon_ros.core.errors import DragonError, InputError
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.spec import STurn
 from dragon_ros.scenes.yaml import plain_number, read_document
@@ -180,11 +180,21 @@ def grades_of(result: str, given: GivenResult) -> list[SheetGrade]:
     given = GivenResult(times_s, cells)
     places, speeds = cells[..., :2], cells[..., 2]
     with _any_numbers():
-        positions = diagnose_positions(result, times_s, places, truth) if given.has('x') or given.has('y') else None
-        moving = diagnose_speeds(result, times_s, speeds, truth, positions or Diagnosis()) if given.has('v') else None
+        positions = _fitted(partial(diagnose_positions, result, times_s, places, truth)) if (
+            given.has('x') or given.has('y')) else None
+        moving = _fitted(partial(diagnose_speeds, result, times_s, speeds, truth, positions or Diagnosis())) if (
+            given.has('v')) else None
     out = [_grade(result, 'positions', times_s, places, truth.handles_m, positions)]
     out.append(_grade(result, 'speeds', times_s, speeds[..., None], truth.speed_m_s[..., None], moving))
     return out
+
+
+def _fitted(diagnose: Callable[[], Diagnosis]) -> Diagnosis:
+    """Return a diagnosis; if a fit fails, the cause is unknown: no table of numbers ends a grading."""
+    try:
+        return diagnose()
+    except (DragonError, ArithmeticError, IndexError, ValueError):
+        return Diagnosis([Finding('unknown', {})], 0.0)
 
 
 @contextmanager
