@@ -40,6 +40,10 @@ def main(argv: list[str]) -> int:
         return 2
     executable = EXECUTABLES[name]
     before = signal.getsignal(signal.SIGINT)
+    ended = [] if executable.module == NODES else [
+        number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) is signal.SIG_DFL]
+    for number in ended:
+        signal.signal(number, _end)
     try:
         if before in (signal.SIG_DFL, signal.default_int_handler):
             signal.signal(signal.SIGINT, _leave if executable.module == NODES else signal.default_int_handler)
@@ -55,7 +59,14 @@ def main(argv: list[str]) -> int:
     finally:
         if signal.getsignal(signal.SIGINT) is _leave:
             signal.signal(signal.SIGINT, before)
+        for number in ended:
+            signal.signal(number, signal.SIG_DFL)
     return code
+
+
+def _end(number: int, _: object) -> NoReturn:
+    """End a command by an exception, so that incomplete outputs are removed, with the exit code of shells."""
+    raise SystemExit(128 + number)
 
 
 def _leave(*_: object) -> NoReturn:

@@ -195,21 +195,31 @@ def values_of(found: 'Contact | NoContact') -> dict[str, Any]:
 def _text(values: dict[str, Any]) -> str:
     stats = f'{values["stats"]["states"]} states in {values["stats"]["elapsed_s"]:.3f} s'
     stats += '' if values['certified'] else ', without a certificate'
+    return f'{_found(values)} ({stats}){_misses(values)}'
+
+
+def _found(values: dict[str, Any]) -> str:
     if values['t_s'] is None:
         from dragon_ros.core.model import End
         end = End(values['t_end_s'], values['end'], values['link'])
-        return f'no contact; {end.words} at {end.t_s:.9f} s ({stats})'
+        return f'no contact; {end.words} at {end.t_s:.9f} s'
     x, y = values['point_m']
     what = (f'bench {values["benches"][0]} and obstacle {values["obstacle"]["name"]!r}' if values['obstacle'] else
             f'benches {values["benches"][0]} and {values["benches"][1]}')
-    misses_shown = values.get('near_misses', [])
-    misses = ''.join(f'\n  near miss of bench {miss["benches"][0]} and {_other(miss)}: {miss["gap_m"] * 1e3:.6f} mm '
-                     f'at {miss["t_s"]:.5f} s' for miss in misses_shown)
-    if (count := values.get('near_misses_count', 0)) > len(misses_shown):
-        misses += f'\n  and {count - len(misses_shown)} more near misses with larger gaps'
     kind = 'grazing, first' if values['grazing_m'] else 'first contact'
-    return (f'{kind} at {values["t_s"]:.12g} s: {what}, at ({x:.9f}, {y:.9f}) m ({stats})'
-            f'{misses}')
+    return f'{kind} at {values["t_s"]:.12g} s: {what}, at ({x:.9f}, {y:.9f}) m'
+
+
+def _misses(values: dict[str, Any]) -> str:
+    """Return a line for each near miss; if they were requested and there are none, a line that says so."""
+    if 'near_misses' not in values:
+        return ''
+    shown = values['near_misses']
+    lines = [f'near miss of bench {miss["benches"][0]} and {_other(miss)}: {miss["gap_m"] * 1e3:.6f} mm '
+             f'at {miss["t_s"]:.5f} s' for miss in shown]
+    if (count := values['near_misses_count']) > len(shown):
+        lines.append(f'and {count - len(shown)} more near misses with larger gaps')
+    return ''.join(f'\n  {line}' for line in lines or ['no near misses'])
 
 
 def _other(miss: dict[str, Any]) -> str:

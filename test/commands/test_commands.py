@@ -79,6 +79,17 @@ def test_contact_of_a_scene_without_one_says_how_it_ended(capsys, overrides, end
     assert found['t_end_s'] == pytest.approx(t_end, abs=1e-4)
 
 
+def test_near_misses_are_printed_whether_or_not_there_is_a_contact(capsys):
+    before = ('--scene', 'first_contact', '--set', 'run.stop_s=412')
+    for changes in (before, ('--scene', 'first_contact')):
+        code, out, err = run(capsys, 'contact', *changes, '--near-misses', '0.001')
+        assert (code, err) == (0, '')
+        assert out.startswith('no contact; ' if changes is before else 'first contact at ')
+        assert out.splitlines()[1:] == ['  near miss of bench 0 and 11: 0.865235 mm at 409.83199 s']
+    assert run(capsys, 'contact', *before, '--near-misses', '1e-6')[1].endswith('\n  no near misses\n')
+    assert 'near miss' not in run(capsys, 'contact', *before)[1]
+
+
 @pytest.mark.parametrize('overrides', [[], ['head.lead=tail']])
 def test_contact_says_that_it_is_proved(capsys, overrides):
     changes = [a for o in ['run.start_s=429', 'run.stop_s=429.5', *overrides] for a in ('--set', o)]

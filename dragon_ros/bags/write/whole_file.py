@@ -2,8 +2,8 @@
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from errno import EBUSY
+from contextlib import contextmanager
+from errno import EBUSY, EEXIST
 from pathlib import Path
 from secrets import token_hex
 from stat import S_ISREG
@@ -12,51 +12,66 @@ from typing import IO
 
 @contextmanager
 def whole_or_none(path: Path, overwrite: bool) -> Iterator[IO[bytes]]:
-    """Create a file, and remove it if writing fails; an old file is replaced only when the new one is complete.
+    """Write a file beside its place, and move it there when it is complete, so that it is never incomplete.
 
     A replaced file keeps its permissions, and a symbolic link to it stays. Devices, pipes, files with several names or
     another owner, and files in a folder in which no file can be created, are written in place: if writing fails, the
-    old content is lost. Raises OSError.
+    old content is lost. Raises OSError, and FileExistsError for an existing file that may not be replaced.
     """
-    if not overwrite:
-        with path.open('xb') as file:
-            try:
-                yield file
-            except BaseException:
-                path.unlink(missing_ok=True)
-                raise
-        return
     target = Path(os.path.realpath(path))
-    part = _part_beside(path, target)
-    if part is None:
+    if not overwrite:
+        if os.path.lexists(path):
+            raise FileExistsError(EEXIST, os.strerror(EEXIST), str(path))
+        with _part_of(target) as part:
+            with part.open('wb') as file:
+                yield file
+            _place_new(target, part)
+        return
+    if _in_place(path, target):
         with path.open('wb') as file:
             yield file
         return
-    try:
+    with _part_of(target) as part:
         with part.open('wb') as file:
             yield file
         if target.exists():
             shutil.copymode(target, part)
         _replace(target, part)
+
+
+@contextmanager
+def _part_of(target: Path) -> Iterator[Path]:
+    """Create an empty file beside a target, and remove it at the end if it has not been moved."""
+    part = target.with_name(f'.dragon_ros-{token_hex(4)}.part')
+    try:
+        part.touch()
+        yield part
     finally:
         part.unlink(missing_ok=True)
 
 
-def _part_beside(path: Path, target: Path) -> Path | None:
-    """Create a file that will replace the target of a path; return None if the target must be written in place."""
-    part = target.with_name(f'.dragon_ros-{token_hex(4)}.part')
-    with suppress(FileNotFoundError):
+def _place_new(target: Path, part: Path) -> None:
+    """Move a complete file to a place where there must be none."""
+    try:
+        os.link(part, target)
+    except FileExistsError:
+        raise
+    except OSError:         # a file system without hard links
+        if target.exists():
+            raise FileExistsError(EEXIST, os.strerror(EEXIST), str(target)) from None
+        part.replace(target)
+
+
+def _in_place(path: Path, target: Path) -> bool:
+    """Return whether an existing target cannot be replaced by another file. Raises OSError for a read-only file."""
+    try:
         now = path.stat()
-        if not S_ISREG(now.st_mode) or now.st_nlink > 1 or now.st_uid != os.geteuid() or _is_open_file(path):
-            return None
-        os.close(os.open(target, os.O_WRONLY))      # raises the error of a read-only file
-        try:
-            part.touch()
-        except PermissionError:
-            return None
-        return part
-    part.touch()
-    return part
+    except FileNotFoundError:
+        return False
+    if not S_ISREG(now.st_mode) or now.st_nlink > 1 or now.st_uid != os.geteuid() or _is_open_file(path):
+        return True
+    os.close(os.open(target, os.O_WRONLY))
+    return not os.access(target.parent, os.W_OK)
 
 
 def _is_open_file(path: Path) -> bool:
