@@ -49,6 +49,13 @@ LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': se
 BESIDE = {'hard_cases': {'hard_cases'}, 'benchmarks': {'benchmarks', 'hard_cases'}}
 
 
+# The one file that may use private names of other packages, and public names of NamedTuple that look private.
+INTERNALS = PACKAGE / 'nodes/rclpy_internals.py'
+STILL_PRIVATE = {'cli/completion.py': {'_SubParsersAction'}, 'commands/plot/film.py': {'_avif'},
+                 'cli/pool.py': {'_executor_manager_thread', '_result_queue'}}      # to be removed with their code
+OF_TUPLES = {'_replace', '_fields', '_asdict', '_make', '_field_defaults'}
+
+
 @cache
 def read(path):
     """Return the modules that a file imports, and the names of the package in its imports and strings.
@@ -354,3 +361,53 @@ def test_types_hold_strictly():
     done = subprocess.run([sys.executable, '-m', 'mypy', *fast, '--cache-dir', cache], cwd=ROOT, capture_output=True,
                           text=True, check=False)
     assert done.returncode == 0, done.stdout
+
+
+def own_private_names(paths):
+    """Return every name with one leading underscore that these files define: as a variable, attribute or function."""
+    own = set(OF_TUPLES)
+    for path in paths:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef)):
+                own.add(node.name)
+            elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
+                own.add(node.id)
+            elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
+                own.add(node.attr)
+    return own
+
+
+def private_names_of_others(source, own):
+    """Return the private names of other packages in a source text: imported, or read as attributes."""
+    def is_private(name):
+        return name.startswith('_') and not name.startswith('__')
+    found = set()
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.ImportFrom) and not node.module.startswith('dragon_ros'):
+            found |= {name for name in (*node.module.split('.'), *(one.name for one in node.names)) if is_private(name)}
+        elif isinstance(node, ast.Import):
+            found |= {part for one in node.names for part in one.name.split('.') if is_private(part)}
+        elif isinstance(node, ast.Attribute) and is_private(node.attr) and node.attr not in own:
+            found.add(node.attr)
+        elif isinstance(node, ast.Call) and getattr(node.func, 'id', '') in ('getattr', 'hasattr', 'setattr'):
+            name = node.args[1].value if isinstance(node.args[1], ast.Constant) else ''
+            found |= {name} if is_private(name) and name not in own else set()
+    return found
+
+
+@pytest.mark.parametrize(('source', 'found'), [
+    ('from rclpy._rclpy_pybind11 import RCLError', {'_rclpy_pybind11'}), ('from a import _b as c', {'_b'}),
+    ('import a._b.c', {'_b'}), ('node._parameter_overrides', {'_parameter_overrides'}), ('self._own = 1', set()),
+    ('getattr(node, "_cb_iter", None)', {'_cb_iter'}), ('row._replace(x=1)', set()), ('a.__class__', set()),
+    ('from dragon_ros.core import _own', set())])
+def test_private_names_of_others_are_found_in_a_source(source, found):
+    assert private_names_of_others(source, {'_own', *OF_TUPLES}) == found
+
+
+def test_one_file_alone_uses_private_names_of_other_packages():
+    paths = sorted({*PACKAGE.rglob('*.py'), *(ROOT / 'launch').glob('*.py')} - {INTERNALS})
+    own = own_private_names(paths) | {'_exit'}      # os._exit is documented
+    found = {path.relative_to(ROOT).as_posix().removeprefix('dragon_ros/'): private_names_of_others(
+        path.read_text(), own) for path in paths}
+    assert {path: names for path in found if (names := found[path] - STILL_PRIVATE.get(path, set()))} == {}
+    assert 'rclpy_implementation' in INTERNALS.read_text()

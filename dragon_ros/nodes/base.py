@@ -14,20 +14,10 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from dragon_ros.core.errors import DragonError, InputError, did_you_mean, shown
-from dragon_ros.nodes import logs, qos, start_errors
+from dragon_ros.nodes import logs, qos, rclpy_internals, start_errors
 from dragon_ros.nodes.params import NAMES, Parameter
 
 _KINDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'text'}
-
-
-def given_to(node: Node) -> dict[str, Any]:
-    """Return, by name, the parameter values that the command line, files and ``parameter_overrides`` set for a node.
-
-    rclpy does not expose all of these values: it either declares the parameters itself (and fails on an empty list,
-    which has no type) or returns only the values of requested names. This function therefore reads rclpy's internal
-    list, without changing it; no other function does so.
-    """
-    return {name: [] if given.value is None else given.value for name, given in node._parameter_overrides.items()}
 
 
 def declare(node: Node, parameter: Parameter, given: dict[str, Any]) -> Any:
@@ -119,13 +109,16 @@ class DragonNode(Node):
         with start_errors.in_one_line('the node'):
             super().__init__(name, namespace=NAMESPACE, parameter_overrides=[
                 RosParameter(key, value=value) for key, value in (overrides or {}).items() if key not in lists])
-        given = given_to(self)
+        given = rclpy_internals.given_parameters(self) | {
+            key: value for key, value in (overrides or {}).items() if key not in lists}
         for key, value in lists.items():
             known = given.setdefault(key, [])
             given[key] = [*known, *value] if isinstance(known, list) else known     # declare() rejects other types
         self._table = {parameter.name: parameter for parameter in table}
         self.setting = {parameter.name: declare(self, parameter, given) for parameter in table}
         self._check_names(given)
+        if line := rclpy_internals.notice():
+            self.get_logger().info(line)
         self._given = given
         self.closing: list[Callable[[], object]] = []       # called before the node is destroyed
         self.add_pre_set_parameters_callback(self._widen)

@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import cache
 from typing import Any
 
-from rclpy._rclpy_pybind11 import RCLError
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy
@@ -86,7 +85,7 @@ class PublisherQueue:
             publisher, data = self._waiting[0]
             try:
                 publisher.publish(data)
-            except RCLError:
+            except RuntimeError:        # the error of the middleware, whose own class is private
                 if not can_hold(publisher.msg_type, len(data)):
                     self._leave_out(publisher, len(data))
                     continue

@@ -1,12 +1,12 @@
 """Raw subscriptions in batches: when a message wakes a node, the node takes all waiting messages on that topic."""
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from collections.abc import Callable
 from typing import Any
 
-from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
+
+from dragon_ros.nodes import rclpy_internals
 
 # Messages are taken until there are at least this many of them and this many bytes; then the callbacks of timers and
 # other topics run. The middleware searches through all messages that have not been taken whenever another one arrives.
@@ -32,19 +32,12 @@ class _Callback:
         self._then()
 
     def _take_some(self) -> None:
-        handle, kind, raw = self.subscription.handle, self.subscription.msg_type, self.subscription.raw
-        with ExitStack() as held:
-            try:
-                held.enter_context(handle)
-            except InvalidHandle:
+        size = 0
+        for taken, (data, info) in enumerate(rclpy_internals.waiting_messages(self.subscription), 1):
+            size += len(data)
+            self._take(data, info)
+            if taken >= _MOST_AT_ONCE or (taken >= _AT_ONCE and size >= _AT_ONCE_BYTES):
                 return
-            size = 0
-            for taken in range(_MOST_AT_ONCE):
-                more = handle.take_message(kind, raw) if taken < _AT_ONCE or size < _AT_ONCE_BYTES else None
-                if more is None:
-                    return
-                size += len(more[0])
-                self._take(*more)
 
 
 def subscribe_raw(node: Node, kind: Any, name: str, take: Callable[[bytes, Any], None], profile: QoSProfile,
@@ -59,11 +52,10 @@ def subscribe_raw(node: Node, kind: Any, name: str, take: Callable[[bytes, Any],
     return callback.take_all
 
 
-def takers(node: Node) -> Iterator[tuple[int, Callable[[], None]]]:
-    """Yield, for each raw subscription of a node, its pointer and the function that takes its waiting messages."""
-    for subscription in node.subscriptions:
-        if isinstance(subscription.callback, _Callback):
-            yield subscription.handle.pointer, subscription.callback.take_all
+def taker_of(subscription: Subscription) -> Callable[[], None] | None:
+    """Return the function that takes the waiting messages of a raw subscription, or None for any other subscription."""
+    callback = subscription.callback
+    return callback.take_all if isinstance(callback, _Callback) else None
 
 
 def number(info: Any) -> int:

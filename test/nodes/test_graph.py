@@ -271,18 +271,6 @@ def test_an_empty_list_is_a_value_of_a_parameter_that_is_a_list(start):
     assert 'tick 0 of 3' in sim.text
 
 
-def test_what_rclpy_keeps_of_given_parameters_is_where_it_is_read():
-    import rclpy
-
-    from dragon_ros.nodes.base import given_to
-    context = rclpy.Context()
-    context.init(args=['--ros-args', '-p', 'a:=1', '-p', 'b:=[x]', '-p', 'c:=[]'])
-    node = rclpy.create_node('reader', context=context, parameter_overrides=[rclpy.Parameter('d', value=2.5)])
-    assert given_to(node) == {'a': 1, 'b': ['x'], 'c': [], 'd': 2.5}
-    node.destroy_node()
-    context.shutdown()
-
-
 def test_a_parameter_for_another_node_is_named_and_ignored(start, tmp_path, recorded):
     (tmp_path / 'all.yaml').write_text('/**:\n  ros__parameters: {robot: sea, use_sim_time: false, rate_hz: 20.0}\n'
                                         '/dragon/sim:\n  ros__parameters: {publish_rate: 9.0, base_frame_id: base}\n')

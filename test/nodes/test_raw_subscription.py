@@ -57,11 +57,11 @@ def test_one_turn_takes_a_quarter_second_of_a_fast_run_and_leaves_the_inbox_half
     from dragon_ros.messages.encode import encoders
     from dragon_ros.messages.even_skips import FROM_FILL
     from dragon_ros.nodes import qos
-    from dragon_ros.nodes.raw_subscription import subscribe_raw, takers
+    from dragon_ros.nodes.raw_subscription import subscribe_raw, taker_of
     profile, sizes, turns = qos.lossless(qos.profile('reliable', 'volatile', 1)), [], []
     subscribe_raw(node, PoseArray, 'handles', lambda data, _: sizes.append(len(data)), profile,
                   lambda: turns.append(len(sizes)))
-    (_, take_turn), = takers(node)
+    (take_turn,) = filter(None, map(taker_of, node.subscriptions))
     publisher = node.create_publisher(PoseArray, 'handles', profile)
     node.until(publisher.get_subscription_count)
     data, count = bytes(encoders(Scene())['handles'](tick(Scene(), 0))), 950
