@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dragon_ros.bags.read.frames import BagFrame, frames, namespace_of, scene_of_bag
+from dragon_ros.bags.read.frames import BagFrame, namespace_of, scene_of_bag, surrounded_frames
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.batches import batches, states, velocity_of
 from dragon_ros.core.chain.dragon import AnyDragon, Dragon, Mixed
@@ -268,8 +268,11 @@ class Bag:
         return self._reader
 
     def __iter__(self) -> Iterator[BagFrame]:
-        """Yield the ticks in order: stamp, handles, benches, velocities."""
-        return frames(self._reader, self.namespace)
+        """Yield the ticks in order: stamp, handles, benches, velocities, obstacles.
+
+        Raises InputError if the simulated time goes back, because the bag then holds several runs.
+        """
+        return surrounded_frames(self._reader, self.namespace)
 
     def arrays(self) -> Motion:
         """Return all ticks; velocities that were not recorded are nan. Raises InputError if there are no ticks."""

@@ -15,7 +15,7 @@ from dragon_ros.core.checks import number
 from dragon_ros.core.errors import InputError
 
 if TYPE_CHECKING:       # --verify must not import the solver
-    from dragon_ros.core.scene import Scene
+    from dragon_ros.bags.read.frames import Walk
     from dragon_ros.core.search.certificate import Contact, NoContact
 
 _COLUMNS = ('t_s', 'inner', 'outer', 'x_m', 'y_m', 'end', 't_end_s', 'obstacle')
@@ -79,7 +79,8 @@ def _run(arguments: Namespace) -> int:
     if arguments.verify is not None:
         return _verify(arguments.verify, arguments.effort, arguments.output)
     command_line.check_keeps('--certificate', arguments.certificate, arguments.bag, arguments.scene)
-    scene, touch = _scene_of(arguments), _obstacle_touch(arguments)
+    walk, touch = _walk_of(arguments), _obstacle_touch(arguments)
+    scene = walk.scene
     if arguments.within:
         from dragon_ros.commands import contact_within
         return contact_within.run(scene, arguments)
@@ -88,6 +89,10 @@ def _run(arguments: Namespace) -> int:
     with Progress('contact', 'states') as bar:
         found = first_contact(scene, bar.update)
     values = values_of(found)
+    lacks = values['t_s'] is None and bool(walk.lack)
+    if lacks:
+        values |= {'certified': False, 'examined_s': walk.examined_s, 'recorded_s': walk.recorded_s,
+                   'unsearched': walk.lack}
     if touch is not None:
         values['recorded_obstacles'] = touch
     values['stats'] = {'elapsed_s': time.perf_counter() - start, 'states': found.states}
@@ -98,24 +103,26 @@ def _run(arguments: Namespace) -> int:
         values['near_misses'] = [{'bench': miss.bench, 'benches': list(miss.benches), 'obstacle': miss.obstacle,
                                   't_s': miss.t_s, 'gap_m': miss.gap_m} for miss in near.nearest]
         values['near_misses_count'] = near.count
-    if arguments.certificate:
+    if arguments.certificate and lacks:
+        print(f'contact: no certificate is written: {walk.lack}', file=sys.stderr)
+    elif arguments.certificate:
         from dragon_ros.scenes import certificate
         command_line.write_output(arguments.certificate, json.dumps(certificate.as_values(scene, found)),
                                   '--certificate')
     command_line.write_output(arguments.output, _FORMATS[arguments.format](values))
-    return command_line.OK
+    return command_line.INCOMPLETE if lacks else command_line.OK
 
 
-def _scene_of(arguments: Namespace) -> 'Scene':
+def _walk_of(arguments: Namespace) -> 'Walk':
     """Return the scene to search, from the options or from a bag."""
+    from dragon_ros.bags.read.frames import Walk, namespace_of, scene_of_bag, walk_in
     if not arguments.bag:
         if arguments.namespace is not None or arguments.trust:
             option = '--trust' if arguments.trust else '--namespace'
             raise InputError(f'{option}: it requires a BAG; omit {option} for a scene')
-        return command_line.scene_from(arguments)
+        return Walk(command_line.scene_from(arguments))
     if command_line.gives_scene(arguments):
         raise InputError('BAG: a bag contains its own scene; omit --scene, --set and --accuracy')
-    from dragon_ros.bags.read.frames import namespace_of, scene_of_bag, walked_scene
     from dragon_ros.bags.read.reader import BagReader
     command_line.check_is_bag(arguments.bag)
     with BagReader(arguments.bag) as bag:
@@ -124,7 +131,7 @@ def _scene_of(arguments: Namespace) -> 'Scene':
         if scene is None:
             raise InputError(f'{arguments.bag}: it does not contain its scene; record it with dragon_ros, or give '
                              '--scene')
-        return walked_scene(bag, scene, namespace)
+        return walk_in(bag, scene, namespace)
 
 
 def _obstacle_touch(arguments: Namespace) -> dict[str, Any] | None:
@@ -202,7 +209,8 @@ def _found(values: dict[str, Any]) -> str:
     if values['t_s'] is None:
         from dragon_ros.core.model import End
         end = End(values['t_end_s'], values['end'], values['link'])
-        return f'no contact; {end.words} at {end.t_s:.9f} s'
+        said = values.get('unsearched', f'{end.words} at {end.t_s:.9f} s')
+        return f'no contact; {said}'
     x, y = values['point_m']
     what = (f'bench {values["benches"][0]} and obstacle {values["obstacle"]["name"]!r}' if values['obstacle'] else
             f'benches {values["benches"][0]} and {values["benches"][1]}')

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-from dragon_ros.bags.read.frames import BagFrame, RecordedObstacles, claimed_contact, frames
+from dragon_ros.bags.read.frames import BagFrame, RecordedObstacles, Walk, claimed_contact, frames
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli.progress import Progress
 from dragon_ros.commands.sources import SmallestGap
@@ -20,7 +20,7 @@ from dragon_ros.scenes.certificate import of_claim
 _STAMPED = 'clearance/stamped'
 
 
-def first_contact_in(bag: BagReader, namespace: str, scene: Scene | None, trust: bool = False) -> dict[str, Any]:
+def first_contact_in(bag: BagReader, namespace: str, walk: Walk | None, trust: bool = False) -> dict[str, Any]:
     """Return the first contact and its source, which is either the topic ``collision`` or a search of the scene.
 
     The scene is untrusted input: unless ``trust`` is set, a search beyond the budgets is skipped (``unsearched``).
@@ -28,14 +28,14 @@ def first_contact_in(bag: BagReader, namespace: str, scene: Scene | None, trust:
     reported = _reported(bag, f'{namespace}/collision')
     if reported is not None:
         return reported
-    if scene is None:
+    if walk is None:
         return {'source': None, 't_s': None}
     try:
-        found = searched(scene, trust)
+        found = searched(walk.scene, trust)
     except InputError as error:
         return {'source': 'scene', 't_s': None, 'unsearched': str(error)}
     if not isinstance(found, Contact):
-        return {'source': 'scene', 't_s': None}
+        return {'source': 'scene', 't_s': None, **({'unsearched': walk.lack} if walk.lack else {})}
     return {'source': 'scene', 't_s': found.t_s, 'benches': list(found.benches), 'point_m': list(found.point_m),
             **({'obstacle': found.obstacle.name} if found.obstacle else {}),
             'in_bag': bool(bag.start_ns <= found.t_s * NS <= bag.end_ns)}

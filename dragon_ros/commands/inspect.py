@@ -15,7 +15,7 @@ from dragon_ros.bags.read.frames import (
     log_times_are_ticks,
     namespace_of,
     scene_of_bag,
-    walked_scene,
+    walk_in,
 )
 from dragon_ros.bags.read.mcap import BagError
 from dragon_ros.bags.read.reader import BagReader
@@ -109,8 +109,8 @@ def _about_dragon(bag: BagReader, arguments: Namespace) -> dict[str, Any]:
     out |= {'start_s': bag.start_ns / NS, 'end_s': bag.end_ns / NS}
     if namespace is None:
         return out
-    walked = scene and walked_scene(bag, scene, namespace)
-    return {**out, 'namespace': namespace, 'first_contact': first_contact_in(bag, namespace, walked, arguments.trust),
+    walk = walk_in(bag, scene, namespace) if scene else None
+    return {**out, 'namespace': namespace, 'first_contact': first_contact_in(bag, namespace, walk, arguments.trust),
             'clearance': asdict(clearance_in(bag, namespace, arguments.looks))}
 
 
@@ -148,7 +148,7 @@ def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
 def _verdict(path: Path, found: 'Comparison', tier: str) -> dict[str, Any]:
     return {'bag': str(path), 'equal': found.equal, 'close': found.close, 'worst_m': found.worst_m, 'tier': tier,
             'other_version': found.other_version, 'other_kernel': found.other_kernel, 'fault_count': found.fault_count,
-            'missing_count': found.missing_count, 'faults': found.faults, 'once': found.once,
+            'missing_count': found.missing_count, 'faults': found.faults, 'once': found.once, 'lacks': found.lacks,
             'unchecked': {name: {'messages': count, 'reason': why} for name, (count, why) in found.unchecked.items()}}
 
 
@@ -182,7 +182,7 @@ def _check_text(values: dict[str, Any]) -> str:
     if values['close']:
         why = (f'version {values["other_version"]} made the bag, so the limit is twice the promise for all topics'
                if values['other_version'] else f'made with another kernel: {values["other_kernel"]}'
-               if values['other_kernel'] else 'the mathematics library of another machine')
+               if values['other_kernel'] else 'the bag does not name the version and kernel that made it')
         line += (f', {counted(values["close"], "", "is")} within the accuracy of tier {values["tier"]} but not '
                  f'bit-identical (the largest difference is {values["worst_m"]:.3g} m: {why})')
     missing = values['missing_count']
@@ -194,6 +194,8 @@ def _check_text(values: dict[str, Any]) -> str:
         lines.append(f'  the certificate in the bag proves the end of the run: {values["end_proved"]}')
     if values['once']:
         lines.append(f'  scene and track: {counted(values["once"], "message", "matches")} the scene')
+    if values['lacks']:
+        lines.append(f'  not in the bag: {", ".join(values["lacks"])}')
     return '\n'.join([*lines, *(f'  unchecked: {row["messages"]} of {name} ({row["reason"]})'
                                 for name, row in values['unchecked'].items())])
 

@@ -320,10 +320,10 @@ class BagSource:
     @cached_property
     def _scene(self) -> Scene | None:
         """The scene in the bag, including the walk of a led dragon; None if the bag has no scene."""
-        from dragon_ros.bags.read.frames import scene_of_bag, walked_scene
+        from dragon_ros.bags.read.frames import scene_of_bag, walk_in
         try:
             scene = scene_of_bag(self.bag, self.namespace)
-            return scene and walked_scene(self.bag, scene, self.namespace)
+            return scene and walk_in(self.bag, scene, self.namespace).scene
         except InputError:      # the scene exceeds the budgets, but the recording is shown
             return None
 
@@ -340,13 +340,17 @@ class BagSource:
     @cached_property
     def _ticks(self) -> list[tuple[int, int]]:
         """The stamp and the log time (ns) of each tick, sorted by stamp."""
+        from dragon_ros.bags.read.frames import check_single_run
         from dragon_ros.bags.read.parts import stamps_of
         handles = f'{self.namespace}/handles'
         count = next(topic.messages for topic in self.bag.topics if topic.name == handles)
         if count > PICTURE_TICKS:
             raise InputError(f'{self.bag.path}: it has {count} ticks; pictures can show at most {PICTURE_TICKS}')
-        rows = dict(islice(stamps_of(self.bag, handles, self.pool.in_order), PICTURE_TICKS))
-        return sorted(rows.items())
+        rows = list(islice(stamps_of(self.bag, handles, self.pool.in_order), PICTURE_TICKS))
+        ticks = dict(rows)
+        if len(ticks) < len(rows):
+            check_single_run(self.bag, self.namespace)
+        return sorted(ticks.items())
 
     @cached_property
     def _times_s(self) -> Floats:

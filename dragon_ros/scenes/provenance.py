@@ -1,5 +1,6 @@
 """Provenance of a run: its complete scene as a scene file, with versions, kernels, git state and settings."""
 import ctypes
+import os
 import platform
 from collections.abc import Mapping
 from contextlib import suppress
@@ -39,7 +40,7 @@ def versions() -> dict[str, str]:
 
 @lru_cache(maxsize=1)
 def kernels() -> dict[str, str]:
-    """Return this machine's kernels of BLAS and numpy, which determine the last bits of results.
+    """Return this machine's kernels of BLAS and numpy and its C library, which determine the last bits of results.
 
     The entry for BLAS contains the name, the version and the kernel (``unknown`` if BLAS reports none); the entry for
     numpy lists its CPU features.
@@ -49,7 +50,15 @@ def kernels() -> dict[str, str]:
     simd = about.get('SIMD Extensions', {})
     name = ' '.join(str(blas[key]) for key in ('name', 'version') if key in blas) or 'unknown'
     return {'blas': f'{name}, kernel {_blas_kernel()}',
-            'cpu_features': ' '.join([*simd.get('baseline', ()), *simd.get('found', ())]) or 'unknown'}
+            'cpu_features': ' '.join([*simd.get('baseline', ()), *simd.get('found', ())]) or 'unknown',
+            'libc': _libc()}
+
+
+def _libc() -> str:
+    """Return the name and version of the C library, whose sine and cosine the solvers use."""
+    with suppress(AttributeError, ValueError, OSError):     # only Unix has it, and not all C libraries do
+        return os.confstr('CS_GNU_LIBC_VERSION') or 'unknown'
+    return 'unknown'
 
 
 def other_kernel(made: Mapping[str, str]) -> str | None:

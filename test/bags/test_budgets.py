@@ -60,10 +60,10 @@ def test_a_led_way_is_read_back_for_as_many_ticks_as_the_budget_says(tmp_path, m
     path = written(tmp_path / 'led.mcap', scene, 'leader', led)
     with BagReader(path) as bag:
         monkeypatch.setattr(frames, 'LED_TICKS', 4)
-        assert frames.walked_scene(bag, scene, '/dragon').run.stop_s == scene.run.time_ns(3) / NS
+        assert frames.walk_in(bag, scene, '/dragon').scene.run.stop_s == scene.run.time_ns(3) / NS
         monkeypatch.setattr(frames, 'LED_TICKS', 3)
         with pytest.raises(InputError, match='led for more than 3 ticks'):
-            frames.walked_scene(bag, scene, '/dragon')
+            frames.walk_in(bag, scene, '/dragon')
 
 
 def test_a_search_in_a_strangers_scene_ends_at_its_budget_unless_it_is_trusted(monkeypatch):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from properties import thinned
 
+import dragon_ros as dr
 from dragon_ros.__main__ import main
 from dragon_ros.bags.read.frames import RecordedObstacles
 from dragon_ros.bags.read.reader import BagReader
@@ -77,6 +78,8 @@ def test_obstacles_count_from_the_tick_of_their_stamp_on_and_replace_those_of_th
     assert gaps[3:6] == pytest.approx([20.5 - x for x in front[3:6]], abs=1e-9)
     assert gaps[8:] == pytest.approx([20.4 - x for x in front[8:]], abs=1e-9)
     assert min(gaps[:3] + gaps[6:8]) > 1        # the gap between a bench and the next but one
+    with dr.read_bag(bag.path) as recorded:
+        assert [one.clearance_m for one in recorded] == gaps
     touch = dragon_in(bag).first_touch(iter)
     # From its message on, only the post counts, whatever obstacles came before.
     assert (touch.obstacle, touch.t_s) == ('post', 0.16)

@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import pytest
@@ -212,10 +213,13 @@ def test_inspect_examines_no_more_ticks_than_requested(capsys, bag):
     assert (found['t_s'][0], found['t_s'][-1]) == (412.2, 412.7)
 
 
-def changed(bag, path, change):
-    """Rewrite a bag with the messages that ``change`` returns, but with unchanged metadata."""
+OTHER_MACHINE = {'about.cpu_features': 'MMX2'}
+
+
+def changed(bag, path, change, made=MappingProxyType({})):
+    """Rewrite a bag with the messages that ``change`` returns, and with the metadata ``made`` added."""
     with BagReader(bag) as old, BagWriter(path) as new:
-        new.describe('dragon_ros', old.metadata('dragon_ros'))
+        new.describe('dragon_ros', old.metadata('dragon_ros') | made)
         from dragon_ros.messages.channels import channels
         for topic in old.topics:
             new.add_channel(topic.name, channels()[topic.name.removeprefix('/dragon/')])
@@ -273,7 +277,7 @@ def test_check_takes_a_speed_of_minus_nothing_for_rest(capsys, tmp_path):
         data = bytearray(m.data)
         read_multi_array(data)[1][...] *= -1.0
         return [bytes(data)]
-    code, out, _ = run(capsys, 'inspect', changed(rest, other, change), '--check')
+    code, out, _ = run(capsys, 'inspect', changed(rest, other, change, OTHER_MACHINE), '--check')
     assert code == 0
     assert '6 are within the accuracy' in out
 
@@ -287,12 +291,14 @@ def test_check_distinguishes_other_bits_within_the_promise_from_wrong_values(cap
             return [PoseArrayTemplate(224, 'dragon').encode(m.t_ns, frame.chain.p + by_m, frame.axis)]
         return change
     scene = Scene(run=Run(412.2, 412.7))
-    near = changed(bag, tmp_path / 'near.mcap', moved(1e-13))
+    near = changed(bag, tmp_path / 'near.mcap', moved(1e-13), OTHER_MACHINE)
     code, out, _ = run(capsys, 'inspect', near, '--check', '--format', 'json')
     values = json.loads(out)
     assert (code, values['equal'], values['close'], values['fault_count']) == (0, 3 * TICKS - 1, 1, 0)
     assert 0 < values['worst_m'] < 1e-12
     assert '1 is within the accuracy of tier exact' in run(capsys, 'inspect', near, '--check')[1]
+    alike = changed(bag, tmp_path / 'alike.mcap', moved(1e-13))
+    assert 'tick 5: handles differs' in run(capsys, 'inspect', alike, '--check')[1]     # the machine is this one
     far = changed(bag, tmp_path / 'far.mcap', moved(1e-9))
     code, out, _ = run(capsys, 'inspect', far, '--check')
     assert code == 1
@@ -309,7 +315,7 @@ def test_check_holds_edges_of_benches_in_lists_to_the_promise_as_their_faces(cap
     lists, other = tmp_path / 'lists.mcap', tmp_path / 'other.mcap'
     scene = ('--scene', 'winding', '--set', 'dragon.benches=5', '--set', 'markers=triangles', '--set', 'run.stop_s=0.2')
     assert main(['simulate', *scene, '--output', str(lists)]) == 0
-    status, out, _ = run(capsys, 'inspect', changed(lists, other, move), '--check')
+    status, out, _ = run(capsys, 'inspect', changed(lists, other, move, OTHER_MACHINE), '--check')
     assert status == code
     assert said in out
 

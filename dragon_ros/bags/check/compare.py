@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from heapq import merge
-from itertools import chain, count, groupby
+from itertools import count, groupby
 from math import ceil, inf
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -46,7 +46,8 @@ from dragon_ros.messages.decode import (
 )
 from dragon_ros.messages.encode import encoders
 from dragon_ros.messages.fixed_size import Encode, Together, each
-from dragon_ros.messages.once import ENCODE
+from dragon_ros.messages.length import LengthCheck
+from dragon_ros.messages.once import ENCODE, once
 from dragon_ros.scenes.provenance import RECORD, other_kernel
 from dragon_ros.version import __version__
 
@@ -89,19 +90,22 @@ class Comparison:
     largest position difference in a close message. ``fault_count`` counts missing, extra and different messages;
     ``missing_count`` counts only missing messages. ``other_version`` is the version that made the bag, if it differs
     from this one; ``other_kernel`` names the bag's numpy and kernels, if they differ from this machine's. In both
-    cases, messages on any topic may be close instead of identical. ``once`` counts the once-per-run messages that match
-    the scene. ``unchecked`` maps a topic to the number of messages that were not compared and the reason; ``seen``
-    counts the compared messages on each per-tick topic.
+    cases, messages on any topic may be close instead of identical. ``names_maker`` tells whether the bag names its
+    maker at all. ``once`` counts the once-per-run messages that match the scene; ``lacks`` names those topics if the
+    recorder of another maker left them out. ``unchecked`` maps a topic to the number of messages that were not compared
+    and the reason; ``seen`` counts the compared messages on each per-tick topic.
     """
 
     other_version: str | None = None
     other_kernel: str | None = None
+    names_maker: bool = False
     equal: int = 0
     close: int = 0
     worst_m: float = 0.0
     fault_count: int = 0
     missing_count: int = 0
     once: int = 0
+    lacks: list[str] = field(default_factory=list)
     unchecked: dict[str, tuple[int, str]] = field(default_factory=dict)
     seen: Counter[str] = field(default_factory=Counter)
     _lines: list['_Fault | str'] = field(default_factory=list)
@@ -160,6 +164,11 @@ class Comparison:
             self._lines.append(line)
 
     @property
+    def may_be_close(self) -> bool:
+        """Whether positions may be close: not if the bag was made by this version with the kernel of this machine."""
+        return self.may_all_be_close or not self.names_maker
+
+    @property
     def may_all_be_close(self) -> bool:
         """Whether messages on any topic may be close, because the bag was made by another version or kernel."""
         return self.other_version is not None or self.other_kernel is not None
@@ -187,13 +196,14 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
     """
     made = bag.metadata(RECORD)
     made_by = made.get('about.dragon_ros')
-    result = Comparison(None if made_by in (None, __version__) else made_by, other_kernel(made))
+    made_with = (None if made_by in (None, __version__) else made_by), other_kernel(made), made_by is not None
+    result = Comparison(*made_with)
     encode, why_last = encoders(scene, frame_id), ''
     if scene.is_led:
         most = 0 if bag.metadata(RECEIVED) else _MOST_LAST      # a killed recorder writes no record RECEIVED
         why_last = _compare_led(result, scene, encode, _instants(bag, namespace, encode), most, progress)
     else:
-        run = _PartOfRun(bag, scene, namespace, frame_id, contact_s, (result.other_version, result.other_kernel))
+        run = _PartOfRun(bag, scene, namespace, frame_id, contact_s, made_with)
         spans = run.spans()
         for (_, end), part in zip(spans, compared(run, spans), strict=True):
             result.add(part)
@@ -225,7 +235,7 @@ class _PartOfRun:
 
     def spans(self) -> list[_Span]:
         """Return the parts as (first tick, tick after the last); they outnumber the messages by at most one."""
-        if not log_times_are_ticks(self._bag, self._namespace):
+        if not _has_tick_times(self._bag, self._namespace):
             return [(0, self._ticks)]
         messages = sum(topic.messages for topic in self._bag.topics)
         size = max(1, _PART_BYTES // self._tick_bytes, ceil(self._ticks / (messages + 1)))
@@ -293,17 +303,21 @@ def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
     """Compare the ticks of a led dragon, recomputed from speeds on its topic ``leader``; return why some are left.
 
     A led run may end at any tick. In up to ``most`` final ticks, messages may be missing because a killed recorder had
-    not received them yet, but those that exist must not differ. After a missing speed, no tick can be recomputed.
+    not received them yet: a topic that lacks one tick of them lacks all later ones, and messages that exist must not
+    differ. After a missing speed, no tick can be recomputed.
     """
     law, waiting, left = None, list[tuple[int, Frame, _Messages]](), iter(instants)
     why = 'the last ticks are incomplete, probably because the recorder was killed'
     for k, (t_ns, recorded) in enumerate(left):
         speed_m_s = _walked_m_s(recorded.get('leader', []), t_ns)
         if t_ns != scene.run.time_ns(k) or speed_m_s is None:
-            after = len(waiting) + sum(1 for _ in chain([t_ns], left))
-            if recorded.get('leader') or after > most:
-                result.note('leader', k, 'does not occur exactly once; later ticks cannot be recomputed')
-                why = f'the speed of tick {k} is not known'
+            tail = [(k, recorded), *((n, more) for n, (_, more) in enumerate(left, k + 1))]
+            if len(waiting) + len(tail) > most or any('leader' in more for _, more in tail):
+                for n, more in tail:
+                    for name, found in more.items():
+                        result.note(name, n, f'cannot be compared, because the speed of tick {k} does not occur '
+                                    'exactly once', len(found))
+                        result.seen[name] += len(found)
             break
         law = law_on(scene, law, t_ns, speed_m_s)
         waiting.append((k, led_tick(compile_scene(scene), law, k), recorded))
@@ -312,11 +326,15 @@ def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
                 _compare_ticks(result, scene, encode, [one])
             waiting.clear()
         progress(k)
-    for one in waiting:
-        trial = Comparison(result.other_version, result.other_kernel)
-        _compare_ticks(trial, scene, {name: encode[name] for name in one[2]}, [one])
+    ended = set[str]()
+    for k, frame, recorded in waiting:
+        trial = Comparison(result.other_version, result.other_kernel, result.names_maker)
+        _compare_ticks(trial, scene, {name: encode[name] for name in recorded}, [(k, frame, recorded)])
         for line in trial.faults:
             result.fault(line, 1)
+        for name in ended & set(recorded):
+            result.note(name, k, 'follows a tick without it')
+        ended |= set(encode) - set(recorded)
     return why
 
 
@@ -326,16 +344,19 @@ def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, f
 
     ``per_tick`` contains the topics that are compared at each tick, with the reason why ticks are left.
     """
-    once = dict[str, str]()
+    latched = dict[str, str]()
     for topic in bag.topics:
         name = topic.name.removeprefix(f'{namespace}/')
         left, row = topic.messages - result.seen[name], channels().get(name)
         if name in per_tick:
             why = per_tick[name]
+            if left and not why:
+                result.fault(f'{name}: {counted(left, "message")} at no time of the bag', left)
+                continue
         elif name in ENCODE and result.other_version is not None:
             why = 'another version draws it differently'
         elif name == 'scene' or name in ENCODE:
-            once[topic.name] = name
+            latched[topic.name] = name
             continue
         elif row is not None and row.each_tick:
             if left:
@@ -347,10 +368,11 @@ def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, f
             why = 'unknown to this version' if row is None else f'published by {row.publisher} at its own rate'
         if left:
             result.unchecked[name] = left, why
-    _compare_once(result, bag, scene, once, frame_id)
+    _compare_once(result, bag, scene, namespace, latched, frame_id)
 
 
-def _compare_once(result: Comparison, bag: BagReader, scene: Scene, topics: Mapping[str, str], frame_id: str) -> None:
+def _compare_once(result: Comparison, bag: BagReader, scene: Scene, namespace: str, topics: Mapping[str, str],
+                  frame_id: str) -> None:
     """Compare once-per-run messages in one pass over the bag; ``topics`` maps full names to short names.
 
     These messages may be the bag's only copy of the scene.
@@ -358,16 +380,34 @@ def _compare_once(result: Comparison, bag: BagReader, scene: Scene, topics: Mapp
     text = bag.metadata(RECORD).get('scene')
     wanted = {topic: ENCODE[name](scene, frame_id) if name in ENCODE else None if text is None else string_message(text)
               for topic, name in topics.items()}
+    counts = Counter[str]()
     for message in bag.messages(list(topics)) if topics else ():
         name, data = topics[message.topic], wanted[message.topic]
-        if data is None or message.data == data or _nearly(scene, channels()[name].type, data, message.data):
+        counts[name] += 1
+        if counts[name] > 1:
+            result.fault(f'{name} at {message.t_ns} ns occurs again', 1)
+        elif message.data == data or _nearly(scene, channels()[name].type, data, message.data):
             result.once += 1
         else:
             result.fault(f'{name} at {message.t_ns} ns does not match the scene', 1)
+    for name in ('scene', *once(scene, frame_id)):
+        if not counts[name]:
+            if f'{namespace}/{name}' in topics or (result.names_maker and result.other_version is None):
+                result.missing_count += 1
+                result.fault(f'{name} is missing', 1)
+            else:
+                result.lacks.append(name)
 
 
-def _nearly(scene: Scene, kind: str, wanted: bytes, found: bytes) -> bool:
-    """Return whether two messages differ only in numbers, and by at most twice the tier's promise."""
+def _nearly(scene: Scene, kind: str, wanted: bytes | None, found: bytes) -> bool:
+    """Return whether two messages differ only in numbers, and by at most twice the tier's promise.
+
+    If ``wanted`` is None, any message of this type will do.
+    """
+    if LengthCheck(kind).fault(found):
+        return False
+    if wanted is None:
+        return True
     promise_m = compile_scene(scene).promise_m
     try:
         expected, got = (list(_leaves(decode(kind, data))) for data in (wanted, found))
@@ -403,7 +443,7 @@ def _instants(bag: BagReader, namespace: str, names: Iterable[str], start_ns: in
 
     ``start_ns`` and ``end_ns`` (exclusive) limit the messages; give them only if the bag's log times are tick times.
     """
-    if log_times_are_ticks(bag, namespace):
+    if _has_tick_times(bag, namespace):
         rows: Iterable[tuple[int, str, bytes]] = (
             (message.t_ns, message.topic.removeprefix(f'{namespace}/'), message.data)
             for message in bag.messages([f'{namespace}/{name}' for name in names], start_ns, end_ns))
@@ -419,6 +459,12 @@ def _instants(bag: BagReader, namespace: str, names: Iterable[str], start_ns: in
             found = recorded.setdefault(name, [])
             found.append(data if not found else b'')        # for several messages, only their number matters
         yield t_ns, recorded
+
+
+def _has_tick_times(bag: BagReader, namespace: str) -> bool:
+    """Return whether the log time of any handles is their stamp; in bags of other recorders, it never is."""
+    return log_times_are_ticks(bag, namespace) or any(
+        read_stamp_ns(message.data) == message.t_ns for message in bag.messages([f'{namespace}/handles']))
 
 
 def _stamped(bag: BagReader, namespace: str, name: str, stamps: Ints) -> Iterator[tuple[int, str, bytes]]:
@@ -471,6 +517,8 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, r
 
     Quaternions are scaled by the shortest link, and speeds by their promise (``speed_promise_m_s``).
     """
+    if not result.may_be_close:
+        return inf
     if name not in _VIEWS:
         return _off_of_others_m(name, wanted, found, frame, scene, result) if result.may_all_be_close else inf
     ours, theirs = bytearray(wanted), bytearray(found)
@@ -524,6 +572,8 @@ def _off_of_others_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene
     position error / link length.
     """
     kind = channels()[name].type
+    if LengthCheck(kind).fault(found):
+        return inf
     try:
         messages = decode(kind, wanted), decode(kind, found)
     except MessageError:

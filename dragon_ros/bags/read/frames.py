@@ -4,6 +4,7 @@ from collections.abc import Generator, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -40,7 +41,7 @@ FRAME_ID = 'dragon'
 class BagFrame:
     """One tick of a bag; ``benches`` and ``velocity_m_s`` are None if they were not recorded.
 
-    ``handles_m`` and ``velocity_m_s`` are of shape (N+1, 2).
+    ``handles_m`` and ``velocity_m_s`` are of shape (N+1, 2). ``around`` holds the recorded obstacles.
     """
 
     t_ns: int
@@ -48,17 +49,20 @@ class BagFrame:
     benches: Benches | None
     velocity_m_s: Floats | None
     frame_id: str
+    around: Surroundings | None = None
 
     @cached_property
     def clearance_m(self) -> float | None:
-        """The smallest signed gap (m) between non-adjacent benches, or None if no benches were recorded.
+        """The smallest signed gap (m) between non-adjacent benches or to an obstacle; None if no benches were recorded.
 
-        If all benches are adjacent, the gap is inf.
+        If all benches are adjacent and there are no obstacles, the gap is inf.
         """
         if self.benches is None:
             return None
-        from dragon_ros.core.geometry.near_pairs import closeness  # imported lazily, because few readers need it
-        return closeness(self.handles_m, self.benches).clearance_m
+        from dragon_ros.core.geometry.near_obstacles import with_obstacles  # imported lazily: few readers need it
+        from dragon_ros.core.geometry.near_pairs import closeness
+        found = closeness(self.handles_m, self.benches)
+        return (with_obstacles(self.around, found, self.benches) if self.around else found).clearance_m
 
 
 @dataclass
@@ -202,17 +206,36 @@ def keep_s(scene: Scene) -> float:
     return scene.trails.seconds if Effect.TRAILS in scene.effects else 0.0
 
 
-def walked_scene(bag: BagReader, scene: Scene, namespace: str) -> Scene:
-    """Return a led scene with the recorded speeds as its profile, up to the first missing speed.
+@dataclass(frozen=True)
+class Walk:
+    """The scene of a bag; that of a led dragon has the recorded speeds as its profile, up to the first missing one.
 
-    Any other scene is returned unchanged. Raises InputError if the run has too many ticks, or too many speed changes
-    for a profile.
+    ``examined_s`` is the time up to which a led scene is known, and ``recorded_s`` that of the last recorded tick.
+    """
+
+    scene: Scene
+    examined_s: float = inf
+    recorded_s: float = inf
+
+    @property
+    def lack(self) -> str:
+        """What keeps recorded ticks from being examined; empty if nothing does."""
+        if self.examined_s >= self.recorded_s:
+            return ''
+        return (f'examined only to {self.examined_s:.9f} of {self.recorded_s:.9f} s, because the speed of the leader '
+                'at the next tick is not in the bag')
+
+
+def walk_in(bag: BagReader, scene: Scene, namespace: str) -> Walk:
+    """Return the scene of a bag with the walk of its leader.
+
+    Raises InputError if a led bag has several runs or too many ticks, or too many speed changes for a profile.
     """
     if not scene.is_led:
-        return scene
+        return Walk(scene)
     assert isinstance(scene.head, Commanded)
     walked, law = [], None
-    for k, message in enumerate(bag.messages([f'{namespace}/leader'])):
+    for k, message in enumerate(_without_copies(bag, f'{namespace}/leader')):
         t_ns, speed_m_s = read_odometry(message.data)
         if t_ns != scene.run.time_ns(k):
             break
@@ -224,7 +247,39 @@ def walked_scene(bag: BagReader, scene: Scene, namespace: str) -> Scene:
     if not walked:
         raise InputError(f'{bag.path}: its dragon was led from outside, but the speeds on topic leader do not begin '
                          'with the first tick; record a run from its beginning')
-    return replace(scene, head=profile_of(scene.head, walked), run=replace(scene.run, stop_s=walked[-1][0]))
+    last_s = walked[-1][0]
+    led = replace(scene, head=profile_of(scene.head, walked), run=replace(scene.run, stop_s=last_s))
+    return Walk(led, last_s, max(last_s, _last_stamp_ns(bag, namespace) / NS))
+
+
+def _last_stamp_ns(bag: BagReader, namespace: str) -> int:
+    """Return the latest stamp of handles."""
+    return max((read_stamp_ns(message.data) for message in bag.messages([f'{namespace}/handles'])), default=0)
+
+
+def _without_copies(bag: BagReader, topic: str) -> Iterator[Message]:
+    """Yield the stamped messages of a topic once each. Raises InputError if their stamps go back to other messages."""
+    last_ns, last = -1, b''
+    for message in bag.messages([topic]):
+        t_ns = read_stamp_ns(message.data)
+        if t_ns > last_ns:
+            last_ns, last = t_ns, message.data
+            yield message
+        elif (t_ns, message.data) != (last_ns, last):
+            raise several_runs(bag, topic, t_ns)
+
+
+def several_runs(bag: BagReader, topic: str, t_ns: int) -> InputError:
+    """Return the error about a bag whose simulated time goes back to a time that it already has."""
+    return InputError(f'{bag.path}: {topic} has several messages at {t_ns / NS:.9f} s, because the run was reset or '
+                      'sought back while it was recorded: the bag holds several runs; record each to a bag of its own',
+                      topic=topic, t_ns=t_ns)
+
+
+def check_single_run(bag: BagReader, namespace: str) -> None:
+    """Raise InputError if the handles in a bag belong to several runs; a message that occurs twice is no second run."""
+    for _ in _without_copies(bag, f'{namespace}/handles'):
+        pass
 
 
 def log_times_are_ticks(bag: BagReader, namespace: str) -> bool:
@@ -244,6 +299,14 @@ def frames(bag: BagReader, namespace: str | None = None, start_ns: int | None = 
     yield from frames_of_part(bag, root, start_ns, end_ns, True)
 
 
+def surrounded_frames(bag: BagReader, namespace: str) -> Iterator[BagFrame]:
+    """Yield the ticks of a bag in order, with the recorded obstacles."""
+    recorded: RecordedObstacles | None = None
+    for frame in frames(bag, namespace):
+        recorded = recorded or RecordedObstacles(bag, namespace, frame.frame_id)
+        yield replace(frame, around=recorded.at(frame.t_ns)) if recorded.some else frame
+
+
 def frames_of_part(bag: BagReader, root: str, start_ns: int | None, end_ns: int | None,
                    is_last: bool) -> Generator[BagFrame, None, bool]:
     """Yield the ticks of a part of a bag, as ``frames`` does; return whether the whole bag would yield the same ticks.
@@ -256,9 +319,11 @@ def frames_of_part(bag: BagReader, root: str, start_ns: int | None, end_ns: int 
     for message in bag.messages(list(names), start_ns, end_ns):
         yield from _frames(bag, root, ticks.ready(message.t_ns))
         try:
-            ticks.add(names[message.topic], message)
+            is_new = ticks.add(names[message.topic], message)
         except MessageError as error:
             raise MessageError(f'{bag.path}: {message.topic} at {message.t_ns} ns: {error}') from None
+        if not is_new:
+            raise several_runs(bag, message.topic, read_stamp_ns(message.data))
     if not (is_last or ticks.are_complete):
         return False
     yield from _frames(bag, root, ticks.ready(END_OF_TIME_NS))
@@ -283,17 +348,22 @@ class _Ticks:
         self._early: OrderedDict[int, ShownBenches] = OrderedDict()
         self._benches = BenchReader()
         self._speeds: tuple[int, Floats] | None = None
+        self._last = -1, b''
 
-    def add(self, name: str, message: Message) -> None:
-        """Add one message. Raises MessageError."""
+    def add(self, name: str, message: Message) -> bool:
+        """Add one message; return False for other handles at a time that was read before. Raises MessageError."""
         if name == 'handles':
             poses = read_handles(message.data)
+            if poses.t_ns <= self._last[0]:
+                return (poses.t_ns, message.data) == self._last     # a message that was recorded twice
+            self._last = poses.t_ns, message.data
             speeds = self._speeds[1] if self._speeds and self._speeds[0] == message.t_ns else None
             self._waiting[poses.t_ns] = _FrameParts(message.t_ns, poses, self._early.pop(poses.t_ns, None), speeds)
         elif name == 'benches':
             self._add_benches(self._benches.read(message.data))
         else:
             self._add_speeds(message.t_ns, _velocities(message.data))
+        return True
 
     @property
     def are_complete(self) -> bool:
