@@ -11,12 +11,7 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import suppress
-from functools import cache
-from importlib import import_module
-from multiprocessing import forkserver
 from pathlib import Path
-
-import pytest
 
 _FORKS = multiprocessing.get_context('forkserver')
 # Modules that rclpy and the messages import when the first node is created.
@@ -24,8 +19,8 @@ _ROS = ('rosidl_generator_py', *(f'{name}_msgs.msg' for name in ('geometry', 'na
                                                                  'visualization')),
         'std_srvs.srv', 'type_description_interfaces.msg')
 _FORKS.set_forkserver_preload([
-    'processes', *(f'dragon_ros.nodes.{name}' for name in ('command_lines', 'sim', 'monitor', 'record', 'replay')),
-    *_ROS, *(f'dragon_ros.commands.{name}' for name in ('simulate', 'inspect', 'export')), 'warm'])
+    *(f'dragon_ros.nodes.{name}' for name in ('command_lines', 'sim', 'monitor', 'record', 'replay')), *_ROS,
+    *(f'dragon_ros.commands.{name}' for name in ('simulate', 'inspect', 'export'))])
 
 
 class Started(subprocess.Popen):
@@ -43,7 +38,6 @@ class Forked:
     """
 
     def __init__(self, arguments, env, cwd, stderr=False, program=None):
-        _ready()
         pipes = [_FORKS.Pipe(duplex=False) for _ in range(1 + stderr)]
         self._process = _FORKS.Process(target=_run, args=(
             arguments, dict(env), str(cwd), [inside for _, inside in pipes], program))
@@ -97,26 +91,9 @@ class Forked:
         self.send_signal(signal.SIGKILL)
 
 
-@cache
-def _ready():
-    """Start the process that others are forked from; Python 3.11 finds what it imports only in PYTHONPATH."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv('PYTHONPATH', str(Path(__file__).parent), prepend=os.pathsep)
-        forkserver.ensure_running()
-
-
 def children(pid):
     """Return the IDs of the processes that a process has started, without the time that psutil takes."""
     return [int(one) for one in Path(f'/proc/{pid}/task/{pid}/children').read_text().split()]
-
-
-def share():
-    """Let processes that are forked from this one fork theirs from the same process, and create nodes quickly."""
-    _ready()
-    for name in _ROS:
-        with suppress(ImportError):     # not every distribution of ROS 2 has all of them
-            import_module(name)
-    forkserver._forkserver.ensure_running = lambda: None        # it would wait for a process of another parent
 
 
 def _run(arguments, environment, cwd, outputs, program):

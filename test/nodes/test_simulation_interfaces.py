@@ -13,7 +13,8 @@ from dragon_ros.scenes.load import load_scene
 SCENE = ('--scene', 'first_contact', '--set', 'run.stop_s=401')
 LAST = 50
 needs_standard = pytest.mark.skipif(find_spec('simulation_interfaces') is None,
-                                    reason='simulation_interfaces is not installed; it has no wheel')
+                                    reason='simulation_interfaces is not installed, and has no wheel: apt install '
+                                    'ros-jazzy-simulation-interfaces')
 
 
 class Simulator:
