@@ -170,8 +170,8 @@ def add_times_option(options: argparse.ArgumentParser, text: str) -> None:
 
 def add_workers_option(options: argparse.ArgumentParser, what: str, of: str = '') -> None:
     """Add --workers (``cli.pool``); its help states that ``what`` does not depend on the number of workers."""
-    options.add_argument('--workers', type=int, metavar='N', help=f'number of processes{of} (one per core if the work '
-                         f'takes more than a second); the {what} does not depend on it')
+    options.add_argument('--workers', type=int, metavar='N', help=f'number of processes{of} (one per core for long '
+                         f'work); the {what} does not depend on it')
 
 
 def add_handles_option(options: argparse.ArgumentParser) -> None:

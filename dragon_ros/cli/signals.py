@@ -34,15 +34,19 @@ def stopped_by_signals() -> Iterator[Event]:
 
 
 @contextmanager
-def interrupts_blocked() -> Iterator[None]:
+def interrupts_blocked(forked: bool = False) -> Iterator[None]:
     """Block SIGINT in threads and processes started inside this block; in this thread, the signal stays pending.
 
     A terminal sends SIGINT to all processes, but only this process should react, by stopping the workers; otherwise,
-    every worker would print a traceback. The resource tracker of multiprocessing is started beforehand, because
-    starting it would unblock the signal.
+    every worker would print a traceback. If processes are not forked, the resource tracker of multiprocessing is
+    started beforehand, because starting it would unblock the signal.
     """
-    from multiprocessing import resource_tracker  # only commands with workers need it
-    resource_tracker.ensure_running()
+    if not hasattr(signal, 'pthread_sigmask'):
+        yield
+        return
+    if not forked:
+        from multiprocessing import resource_tracker  # only commands with workers need it
+        resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
     try:
         yield

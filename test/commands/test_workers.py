@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pool_jobs import FailsHere, InterruptedHere, KilledElsewhere, end_at_300, squares
+from pool_jobs import KilledElsewhere, end_at_300, squares
 from processes import Forked, children
 from properties import examples, thinned
 
@@ -45,24 +45,38 @@ def test_an_error_of_a_job_comes_at_its_place(workers):
         next(results)
 
 
-def test_an_error_of_a_job_in_this_process_comes_after_the_results_of_earlier_jobs(tmp_path):
-    results = []
-    with pytest.raises(DragonError) as failed:
-        results.extend(Pool(2).in_order(FailsHere(tmp_path), range(10**6)))
-    assert results == list(range(len(results)))
-    assert str(failed.value) == f'job {len(results)}: no'
-
-
-def test_an_interrupt_does_not_wait_for_the_jobs_of_other_processes(tmp_path):
-    with pytest.raises(KeyboardInterrupt):
-        list(Pool(2).in_order(InterruptedHere(tmp_path), range(10**6)))
-    assert (tmp_path / 'begun').exists()
-    assert not (tmp_path / 'done').exists()
-
-
 def test_a_killed_process_is_said():
     with pytest.raises(DragonError, match='worker processes was killed'):
         list(Pool(2).in_order(KilledElsewhere(), range(10_000)))
+
+
+_KILLED_AFTER_A_JOB = """
+import os, signal
+from threading import Timer
+from dragon_ros.cli.pool import Pool
+from dragon_ros.core.errors import DragonError
+
+def work(job):
+    Timer(0.01, os.kill, (os.getpid(), signal.SIGKILL)).start()
+    return bytes(2**26)
+
+try:
+    list(Pool(2).in_order(work, range(10)))
+except DragonError as error:
+    assert 'was killed' in str(error)
+else:
+    raise AssertionError
+"""
+
+
+def test_a_process_that_is_killed_while_it_returns_a_large_result_is_said(tmp_path):
+    ends_well(tmp_path, _KILLED_AFTER_A_JOB)
+
+
+def test_results_that_no_folder_can_hold_are_said(monkeypatch, tmp_path):
+    monkeypatch.setattr('tempfile.tempdir', str(tmp_path / 'missing'))
+    with pytest.raises(DragonError, match='a temporary file cannot be written: No such file or directory; free'):
+        list(Pool(2).in_order(squares, range(10)))
 
 
 def forked(*command, program=None, cwd='.'):
@@ -76,28 +90,6 @@ def ends_well(folder, code, *arguments):
     program.write_text(code)
     with forked(*arguments, program=program) as process:
         assert (process.communicate(timeout=60), process.poll()) == (['', ''], 0)
-
-
-_SLOW_TO_CLOSE = """
-import threading, time
-from multiprocessing.connection import Connection
-from dragon_ros.cli.pool import Pool
-
-def slow(self, close=Connection._close):
-    one = threading.current_thread()
-    if one.daemon and 'Feeder' not in one.name:     # the thread that waits for the end of a process
-        time.sleep(0.1)
-    close(self)
-
-Connection._close = slow
-for _ in range(3):
-    assert list(Pool(3).in_order(abs, range(30))) == list(range(30))
-"""
-
-
-def test_a_pool_closes_no_file_twice(tmp_path):
-    # one pool in sixty used to close a file twice because a process had ended just before the pool was shut down
-    ends_well(tmp_path, _SLOW_TO_CLOSE)
 
 
 _INTERRUPTED = """
@@ -118,37 +110,6 @@ else:
 
 def test_an_interrupt_during_the_start_of_a_pool_ends_its_processes(tmp_path):
     ends_well(tmp_path, _INTERRUPTED)
-
-
-_LARGE_RESULTS = """
-import os
-import numpy as np
-from dragon_ros.cli.pool import Pool
-
-SIZES = 9, 2**12, 2**21, 2**21 + 1, 2**12, 3
-
-def result(job):
-    return os.getpid(), [np.full(size, (job + n) % 256, np.uint8) for n, size in enumerate(SIZES)]
-
-def jobs():     # until the other process has done some
-    while len(kept) < 12:
-        yield len(given)
-        given.append(None)
-
-given, kept = [], []
-for n, (process, arrays) in enumerate(Pool(2).in_order(result, jobs())):
-    if process != os.getpid():
-        kept.append((n, arrays))
-for job, arrays in kept:
-    assert [array.size for array in arrays] == [*SIZES]
-    assert all(np.all(array == (job + n) % 256) for n, array in enumerate(arrays))
-    arrays[2][0] = 1        # it is writable, as if it came from a pipe
-"""
-
-
-def test_large_results_of_a_forked_process_keep_their_values(tmp_path):
-    """The fourth array does not fit into the shared memory beside the third, and small arrays are not stored there."""
-    ends_well(tmp_path, _LARGE_RESULTS)
 
 
 def test_short_work_is_done_by_this_process_unless_workers_are_asked_for():
@@ -187,12 +148,6 @@ def begun(path, least=2**21):
         time.sleep(0.02)
 
 
-def signal_all(pid, number):
-    """Send a signal to a process and its workers, as a terminal does."""
-    for one in (*children(pid), pid):
-        os.kill(one, number)
-
-
 def complete_ticks(path):
     """Return the number of ticks in a bag, and check that all are complete; a bag without an index cannot be opened."""
     with BagReader(path) as bag:
@@ -202,11 +157,12 @@ def complete_ticks(path):
 
 
 @pytest.mark.parametrize('number', thinned([signal.SIGINT, signal.SIGTERM], lambda number: number == signal.SIGINT))
-def test_a_signal_to_all_processes_leaves_a_complete_bag(tmp_path, number):
+def test_a_signal_leaves_a_complete_bag(tmp_path, number):
     path = tmp_path / 'a.mcap'
     with forked(*COMMAND, '--output', path) as process:
         begun(path)
-        signal_all(process.pid, number)
+        assert all(os.getpgid(child) == child for child in children(process.pid))   # the terminal's signals miss it
+        os.kill(process.pid, number)
         _, errors = process.communicate(timeout=60)
     assert process.poll() == 1
     assert 'Traceback' not in errors
@@ -501,7 +457,7 @@ def broken_off(folder, request, what, end):
 
 @pytest.mark.parametrize('what', thinned(BROKEN_OFF, lambda what: what == 'export'))
 def test_an_interrupt_ends_a_command_as_it_ends_a_single_process(tmp_path, request, what):
-    assert broken_off(tmp_path, request, what, lambda process: signal_all(process.pid, signal.SIGINT))[0] == 1
+    assert broken_off(tmp_path, request, what, lambda process: os.kill(process.pid, signal.SIGINT))[0] == 1
 
 
 @pytest.mark.parametrize('what', thinned(BROKEN_OFF, lambda what: what == 'export'))

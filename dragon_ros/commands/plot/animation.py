@@ -60,7 +60,7 @@ def animate(source: Source, times_s: Floats, fps: int, path: Path, drawn: 'Anima
             codec: str | None = None, pool: Pool = ALONE) -> Path:
     """Write a file with a frame for each time, and return the path; the processes of a pool draw the frames."""
     with movie(path, drawn.size, fps, len(times_s), codec) as writer:
-        frames = pool.in_order(_Frames(drawn, writer.prepare), source.moments(times_s), len(times_s))
+        frames = pool.in_order(_Frames(drawn, writer.prepare), source.moments(times_s))
         with closing(frames):
             for frame in progress(frames):
                 writer.add(frame)
