@@ -24,7 +24,7 @@ from dragon_ros.commands.grade import team
 from dragon_ros.commands.grade.diagnosis import _along_track, answer_findings, nice, rounded_to, share
 from dragon_ros.commands.grade.layout import GivenResult
 from dragon_ros.commands.grade.tables import COLUMNS, csv_text, json_text, keys_of, looks_like, text_of
-from dragon_ros.commands.grade.team import Team, TeamGrade, answer_grade, grade_team, grades_of
+from dragon_ros.commands.grade.team import Problem, Team, TeamGrade, answer_grade, grade_team, grades_of
 from dragon_ros.commands.grade.truth import contact_s, state_at, truth_at, turned_scene, wound_scene
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.step import state
@@ -438,7 +438,7 @@ def graded():
     speed = right().speed_m_s
     sheets = grades_of('result1', given(np.round(wound(rule=chord(0.01)), 6), speed))
     return TeamGrade('=team "1"', ('result1.xlsx',), tuple(sheets), (answer_grade('t_s', 412.3),),
-                     (('sheet_empty', {'sheet': 'a'}),), ('b.xlsx: is empty',))
+                     (('sheet_empty', {'sheet': 'a'}),), (Problem('b.xlsx', 'empty_file', {}),))
 
 
 def test_json_and_csv_have_the_keys_that_are_documented():
@@ -447,7 +447,7 @@ def test_json_and_csv_have_the_keys_that_are_documented():
     team = values['teams'][0]
     assert list(team) == ['team', 'files', 'results', 'answers', 'notes', 'problems']
     assert list(team['results'][0]) == ['result', 'sheet', 'verdict', 'cells', 'expected', 'worst', 'handle', 't_s',
-                                        'within', 'explains', 'findings']
+                                        'within', 'explains', 'findings', 'reason']
     assert team['results'][0]['findings'][0]['key'] == 'chord_short'
     head, row = csv_text([graded()]).splitlines()
     assert tuple(head.split(',')) == COLUMNS

@@ -23,7 +23,7 @@ from properties import thinned
 from dragon_ros.__main__ import main
 from dragon_ros.cli.progress import Progress
 from dragon_ros.commands.contest.result_files import handle_names
-from dragon_ros.commands.grade import folders, reading
+from dragon_ros.commands.grade import folders, reading, report
 from dragon_ros.commands.grade.diagnosis import RIGHT
 from dragon_ros.commands.grade.folders import grade_all, teams_of
 from dragon_ros.commands.grade.reading import read_book
@@ -40,6 +40,7 @@ STATE = truth_at('result1', TIMES)
 P, V = np.round(STATE.handles_m, 6), np.round(STATE.speed_m_s, 6)
 PLACES = [[f'{name}{axis} (m)', *P[:, k, n].tolist()] for k, name in enumerate(NAMES) for n, axis in enumerate('xy')]
 SPEEDS = [[f'{name} (m/s)', *V[:, k].tolist()] for k, name in enumerate(NAMES)]
+SPEED_ROWS = [[name, *V[:, k].tolist()] for k, name in enumerate(NAMES)]
 HEAD = ['', *(f'{t:g} s' for t in TIMES)]
 
 
@@ -94,6 +95,18 @@ LAYOUTS = {
     'decimal commas': lambda: as_text(','),
     'x first, then y': lambda: {'位置': [HEAD, *PLACES[::2], *PLACES[1::2]], '速度': [HEAD, *SPEEDS]},
     'sorted by name': lambda: {'位置': [HEAD, *sorted(PLACES)], '速度': [HEAD, *sorted(SPEEDS)]},
+    'sections from 1': lambda: {'data': [['time', 'section', 'x', 'y', 'v'], *(
+        [t, k + 1, *P[n, k].tolist(), float(V[n, k])] for n, t in enumerate(TIMES.tolist()) for k in range(224))]},
+    'time and axis in one label': lambda: {
+        '位置': [['把手', *(f'{t:g}_{axis}' for axis in 'xy' for t in TIMES)], *(
+            [name, *P[:, k, 0].tolist(), *P[:, k, 1].tolist()] for k, name in enumerate(NAMES))],
+        '速度': [['把手', *(f'v_{t:g}' for t in TIMES)], *SPEED_ROWS]},
+    'times of day': lambda: {name: [['', *(t / 86400 for t in TIMES.tolist())], *rows[1:]]
+                             for name, rows in contest().items()},
+    'dates': lambda: {name: [['', *(45000 + t for t in TIMES.tolist())], *rows[1:]]
+                      for name, rows in contest().items()},
+    'clocks': lambda: {name: [['', *(f'2024-09-06 00:{t // 60:02d}:{t % 60:02d}' for t in TIMES.astype(int).tolist())],
+                              *rows[1:]] for name, rows in contest().items()},
     'two columns of labels': lambda: {
         '位置': [['把手', '坐标', *HEAD[1:]], *([name if axis == 'x' else '', axis, *P[:, k, n].tolist()]
                                             for k, name in enumerate(NAMES) for n, axis in enumerate('xy'))],
@@ -134,7 +147,106 @@ def test_missing_and_empty_sheets_and_other_names_are_told(tmp_path):
     path = book(tmp_path / 'result4.xlsx', 位置=[HEAD, *PLACES], 速度=[])
     grade = grade_team(Team('a', [path, path]))
     assert [one.verdict for one in grade.sheets] == ['incomplete', 'missing']
-    assert [key for key, _ in grade.notes] == [*['sheet_empty', 'other_result'] * 2, 'given_twice']
+    assert [key for key, _ in grade.notes] == ['sheet_empty', 'sheet_empty', 'other_result', 'given_twice']
+
+
+def result_4_rows(unit=1.0):
+    times = np.arange(-100.0, 101.0)
+    p, v = truth_at('result4', times)
+    head = ['', *(f'{t:g} s' for t in times)]
+    return {'位置': [head, *([f'{name}{axis}', *np.round(p[:, k, n], 6).tolist()] for k, name in enumerate(NAMES)
+                           for n, axis in enumerate('xy'))],
+            '速度': [head, *([name, *np.round(unit * v[:, k], 6).tolist()] for k, name in enumerate(NAMES))]}
+
+
+def verdicts(grade):
+    return {(one.result, one.sheet): one.verdict for one in grade.sheets}
+
+
+@pytest.mark.parametrize('order', [1, -1])
+def test_a_misnamed_file_does_not_displace_the_right_one(tmp_path, order):
+    files = [book(tmp_path / 'result1.xlsx', **result_4_rows(2.0)), book(tmp_path / 'result4.xlsx', **result_4_rows())]
+    grade = grade_team(Team('a', files[::order]))
+    assert verdicts(grade) == {('result4', 'positions'): 'right', ('result4', 'speeds'): 'right'}
+    assert grade.notes == (('misnamed', {'name': 'result1.xlsx', 'held': 'result4'}),)
+
+
+def test_a_table_of_one_state_in_a_file_that_is_named_after_another_result_is_not_understood(tmp_path):
+    state = truth_at('result2', np.array([np.nan]))
+    rows = [['', 'x', 'y', '速度'], *([name, *np.round(p, 6).tolist(), round(v, 6)] for name, p, v in zip(
+        NAMES, state.handles_m[0], state.speed_m_s[0].tolist(), strict=True))]
+    grade = grade_team(Team('a', [book(tmp_path / 'result1.xlsx', a=rows)]))
+    assert verdicts(grade) == dict.fromkeys([('result1', 'positions'), ('result1', 'speeds')], 'not_understood')
+    assert grade.sheets[0].reason.key == 'untimed'
+    grade = grade_team(Team('a', [book(tmp_path / 'touching.xlsx', a=rows)]))
+    assert verdicts(grade) == dict.fromkeys([('result2', 'positions'), ('result2', 'speeds')], 'right')
+
+
+def test_columns_whose_times_are_not_understood_are_never_wrong(tmp_path):
+    odd = {name: [['', 'first', 'second', 'third', 'last'], *rows[1:]] for name, rows in contest().items()}
+    grade = grade_team(Team('a', [book(tmp_path / 'result1.xlsx', **odd)]))
+    assert set(verdicts(grade).values()) == {'not_understood'}
+    assert {one.reason.key for one in grade.sheets} == {'contradictory'}
+    assert 'not understood' in grade.problems[0].line()
+
+
+@pytest.mark.parametrize(('columns', 'result'), [(slice(0, 2), 'result2'), (slice(0, 3), 'result2')])
+def test_plain_numbers_of_the_right_shape_are_read_in_order(tmp_path, columns, result):
+    state = truth_at('result2', np.array([np.nan]))
+    cells = np.column_stack((state.handles_m[0], state.speed_m_s[0]))[:, columns]
+    grade = grade_team(Team('a', [book(tmp_path / 'a.xlsx', a=np.round(cells, 6).tolist())]))
+    assert verdicts(grade) == {(result, 'positions'): 'right', (result, 'speeds'): (
+        'right' if cells.shape[1] == 3 else 'missing')}
+    assert [key for key, _ in grade.notes] == ['without_labels']
+
+
+def test_plain_numbers_of_all_times_are_read_in_order(tmp_path):
+    times = np.arange(-100.0, 101.0)
+    p, v = (np.round(one, 6) for one in truth_at('result4', times))
+    grade = grade_team(Team('a', [book(tmp_path / 'result4.xlsx', a=p.reshape(201, 448).T.tolist(), b=v.T.tolist())]))
+    assert set(verdicts(grade).values()) == {'right'}
+    assert [key for key, _ in grade.notes] == ['without_labels', 'without_times'] * 2
+
+
+def test_a_row_too_many_is_named_and_the_others_are_right(tmp_path):
+    state = truth_at('result2', np.array([np.nan]))
+    p = np.concatenate((state.handles_m[0], [[9.0, 9.0]]))
+    names = ['龙头', *(f'第{n}节龙身' for n in range(1, 223)), '龙尾', '龙尾（后）']
+    again = np.insert(state.handles_m[0], 222, state.handles_m[0, 222], axis=0)
+    for extra, rows in (('in order', p), ('twice', again)):
+        path = book(tmp_path / f'{extra}.xlsx', a=[['', 'x', 'y'], *([name, *np.round(one, 6).tolist()] for name, one
+                                                                      in zip(names, rows, strict=True))])
+        grade = grade_team(Team('a', [path]))
+        assert verdicts(grade)['result2', 'positions'] == 'right'
+        assert [key for key, _ in grade.notes] == ['row_too_many']
+
+
+def test_the_blank_template_is_named(tmp_path):
+    path = book(tmp_path / 'result1.xlsx', **{name: [rows[0], *([row[0]] for row in rows[1:])]
+                                              for name, rows in contest().items()})
+    grade = grade_team(Team('a', [path]))
+    assert [(one.verdict, one.reason.key) for one in grade.sheets] == [('missing', 'template')] * 2
+
+
+def test_one_workbook_may_contain_all_results(tmp_path):
+    sheets = {f'result1 {name}': rows for name, rows in contest().items()}
+    sheets |= {f'result4 {name}': rows for name, rows in result_4_rows().items()}
+    grade = grade_team(Team('a', [book(tmp_path / 'all.xlsx', **sheets)]))
+    assert verdicts(grade) == {('result1', 'positions'): 'incomplete', ('result1', 'speeds'): 'incomplete',
+                               ('result4', 'positions'): 'right', ('result4', 'speeds'): 'right'}
+
+
+@pytest.mark.parametrize('encoding', ['utf-8-sig', 'gb18030', 'utf-16'])
+@pytest.mark.parametrize('separator', [',', ';', '\t'])
+def test_the_contests_csv_files_are_one_team(tmp_path, separator, encoding):
+    for name, rows in (('positions', contest()['位置']), ('speeds', contest()['速度'])):
+        text = '\n'.join(separator.join(str(cell).replace('.', ',' if separator == ';' else '.') for cell in row)
+                         for row in rows)
+        (tmp_path / f'result1_{name}.csv').write_text(text, encoding=encoding)
+    (team,) = teams_of([tmp_path])
+    grade = grade_team(team)
+    assert (set(verdicts(grade).values()), grade.problems) == ({'incomplete'}, ())
+    assert max(one.worst for one in grade.sheets) <= RIGHT
 
 
 @pytest.mark.parametrize('value', ['#DIV/0!', True, 1e308, -1e308])
@@ -188,6 +300,15 @@ def merged_book():
     return out.getvalue()
 
 
+def shared(texts, cells):
+    """Return a workbook with shared texts; in cells, {0} counts rows."""
+    rows = ''.join(f'<row r="{n}">{cell}</c></row>' for n, cell in enumerate(cells.split('</c>')[:-1], 1))
+    return changed(plain_book(), **{'xl/sharedStrings.xml': f'<sst>{texts}</sst>', SHEET: PAGE.format(
+        re.sub(r'r="A\{0\}"', '', rows))})
+
+
+WORKBOOK = ('<workbook xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main" xmlns:r="http://schemas.'
+            'openxmlformats.org/officeDocument/2006/relationships"><sheets>{}</sheets></workbook>')
 UNPACKED_BYTES = 3 * 10**6      # less than the package's limit, because larger workbooks take longer to make
 HOSTILE = {
     'empty file': (lambda: b'', 'is empty'), 'no zip': (lambda: b'x,y\n1,2\n', 'is not an XLSX'),
@@ -227,6 +348,20 @@ HOSTILE = {
     'no sheets': (lambda: changed(plain_book(), **{SHEET: None}), 'contains no sheets'),
     'no xml': (lambda: changed(plain_book(), **{SHEET: 'x'}), ''),
     'no workbook': (lambda: changed(plain_book(), **{'xl/workbook.xml': '<'}), 'damaged'),
+    'text in many cells': (lambda: shared(f'<si><t>{"x" * 30_000}</t></si>', '<c r="A{0}" t="s"><v>0</v></c>' * 600),
+                           'the texts of its cells'),
+    'text behind an entity': (lambda: shared(f'<si><t>{"x" * 30_000}</t></si>',
+                                             '<c r="A{0}" t="s"><v>&#48;</v></c>' * 600), 'the texts of its cells'),
+    'text in a comment': (lambda: shared('<si/>', '<c r="A{0}" t="s"><v><!-- -->0</v></c>'), 'plain XML'),
+    'empty texts': (lambda: shared('<si/>' * (limits.BOOK_TEXTS + 1), ''), 'texts; the limit'),
+    'relationships': (lambda: changed(plain_book(), **{'xl/_rels/workbook.xml.rels': '<Relationships>' + (
+        '<Relationship Id="a"/>' * 60_000) + '</Relationships>'}), 'limit for a list of parts'),
+    'a sheet many times': (lambda: changed(plain_book(), **{'xl/workbook.xml': WORKBOOK.format(
+        '<sheet name="{0}" sheetId="{0}" r:id="rId1"/>' * 51)}), '51 sheets; the limit'),
+    'a large sheet ten times': (lambda: changed(plain_book(), **{'xl/workbook.xml': WORKBOOK.format(
+        '<sheet name="{0}" sheetId="{0}" r:id="rId1"/>' * 10), SHEET: PAGE.format(
+        '<row r="1000"><c r="ABA1000"><v>1</v></c></row>')}), 'cells; the limit for a workbook'),
+    'tags without ends': (lambda: changed(plain_book(), **{SHEET: PAGE.format('<c ' * 10**5 + 'f>')}), ''),
 }
 
 
@@ -289,7 +424,7 @@ def test_macros_in_a_file_that_is_called_xlsm_are_refused_in_a_folder_too(tmp_pa
     (tmp_path / 'a').mkdir()
     (tmp_path / 'a' / 'result1.xlsm').write_bytes(changed(plain_book(), **{'xl/vbaProject.bin': b'x'}))
     (grade,) = map(grade_team, teams_of([tmp_path]))
-    assert 'contains macros' in grade.problems[0]
+    assert 'contains macros' in grade.problems[0].line()
 
 
 @pytest.fixture(scope='module')
@@ -319,7 +454,85 @@ def test_a_folder_without_any_readable_workbook_is_bad_input(tmp_path, capsys):
     assert main(['grade', str(tmp_path)]) == 2
     out, err = capsys.readouterr()
     assert out.count('is empty') == 2
+    assert out.count('not readable') == 4
     assert err == f'grade: {tmp_path}/a/result1.xlsx: is empty; save it as an Excel workbook (.xlsx)\n'
+
+
+@pytest.fixture
+def crowd(tmp_path):
+    """A class in which most folders have no readable workbook."""
+    folder = tmp_path / 'class'
+    for name in ('book', 'csv', 'pdf', 'empty', 'merged'):
+        (folder / name).mkdir(parents=True)
+    book(folder / 'book' / 'result1.xlsx', **contest())
+    (folder / 'book' / 'pictures').mkdir()
+    (folder / 'csv' / 'result1.csv').write_text('a,b\n', encoding='utf-8')
+    for name in ('paper.pdf', 'code.py'):
+        (folder / 'pdf' / name).write_text('x')
+    (folder / 'merged' / 'result1.xlsx').write_bytes(merged_book())
+    (folder / 'merged' / 'again').symlink_to(folder)
+    elsewhere = tmp_path / 'elsewhere'
+    elsewhere.mkdir()
+    book(elsewhere / 'result1.xlsx', **contest())
+    (folder / 'linked').symlink_to(elsewhere)
+    return folder
+
+
+def test_every_folder_of_a_class_is_a_team(crowd):
+    grades = {team.name: grade_team(team) for team in teams_of([crowd])}
+    assert sorted(grades) == ['book', 'csv', 'empty', 'linked', 'merged', 'pdf']
+    assert [key for one in grades.values() for _, key, _ in one.problems] == [
+        'no_result', 'found_nothing', 'merged', 'found_instead']
+    assert grades['pdf'].problems[0].parameters == {'files': 'code.py, paper.pdf'}
+    assert set(verdicts(grades['linked']).values()) == {'incomplete'}
+    assert set(verdicts(grades['merged']).values()) == {'not_readable'}
+    assert set(verdicts(grades['csv']).values()) == {'not_understood'}
+
+
+def test_groups_of_teams_keep_the_teams_without_results(crowd):
+    assert sorted(team.name for team in teams_of([crowd.parent])) == [
+        'class/book', 'class/csv', 'class/empty', 'class/linked', 'class/merged', 'class/pdf', 'elsewhere']
+
+
+def test_a_report_says_in_the_table_why_a_team_is_not_graded(crowd):
+    grades = [grade_team(team) for team in teams_of([crowd])]
+    for lang, says in (('en', ['not readable: result1.xlsx: Sheet: cells B5:C6 are merged', 'found code.py, paper.pdf',
+                               'the folder is empty']),
+                       ('zh', ['无法读取：result1.xlsx：Sheet：数据区 B5:C6 有合并单元格', 'code.py, paper.pdf',
+                               '文件夹为空'])):
+        table = re.search(r'<table>.*?</table>', report.page(grades, len(grades), lang), re.DOTALL)[0]
+        text = re.sub(r'<[^>]*>', '', table)
+        assert [one for one in says if one not in text] == []
+        assert 'title=' not in table
+
+
+@pytest.mark.parametrize('text', [
+    ',' * (limits.BOOK_BYTES + 1), ',' * (limits.BOOK_COLUMNS + 1), '\n' * (limits.BOOK_ROWS + 1),
+    '1,' * 1999 + '\n' + ('1,' * 1999 + '\n') * 1001, '"' + 'x' * 200_000 + '"', 'a\0b'],
+    ids=['bytes', 'columns', 'rows', 'cells', 'field', 'nul'])
+def test_a_huge_or_broken_csv_file_is_refused_in_one_line(tmp_path, capsys, text):
+    path = tmp_path / 'result1.csv'
+    path.write_text(text)
+    assert main(['grade', str(path)]) == 2
+    assert capsys.readouterr().err.count('\n') == 1
+
+
+def test_a_bomb_is_refused_with_little_memory(tmp_path):
+    """The limit is below what a reader would allocate for 300 MB of text."""
+    (tmp_path / 'result1.xlsx').write_bytes(shared(f'<si><t>{"x" * 300_000}</t></si>',
+                                                   '<c r="A{0}" t="s"><v>0</v></c>' * 1000))
+    code = ('import resource; resource.setrlimit(resource.RLIMIT_DATA, (200 * 2**20,) * 2)\n'
+            'from dragon_ros.commands.grade.reading import read_book\n'
+            'from pathlib import Path\nread_book(Path("result1.xlsx"))')
+    done = subprocess.run([sys.executable, '-c', code], cwd=tmp_path, capture_output=True, text=True, check=False,
+                          env={**os.environ, 'PYTHONPATH': str(ROOT), 'OPENBLAS_NUM_THREADS': '1'})
+    assert 'the texts of its cells' in done.stderr
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / 'result1.xlsx')
+    with pytest.raises(InputError, match='not a regular file'):
+        read_book(tmp_path / 'result1.xlsx')
 
 
 def test_a_report_is_one_file_that_loads_nothing_and_escapes_names(room, tmp_path, capsys):

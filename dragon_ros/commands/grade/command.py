@@ -52,8 +52,8 @@ def _run(arguments: Namespace) -> int:
         return command_line.FAILED
     if arguments.output is not None:
         command_line.write_output(None, str(arguments.output))
-    refused = [line for grade in grades for line in grade.problems]
-    if refused and not any(grade.sheets or grade.answers for grade in grades):
+    refused = [one.line() for grade in grades for one in grade.problems]
+    if refused and not any(grade.answers or any(one.worst is not None for one in grade.sheets) for grade in grades):
         print(f'grade: {refused[0]}', file=sys.stderr)
         return command_line.BAD_INPUT
     return command_line.OK

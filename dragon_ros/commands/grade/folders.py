@@ -1,21 +1,25 @@
 """Assign workbooks to teams, and grade all teams on all cores."""
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
-from os import cpu_count, walk
+from os import cpu_count
 from pathlib import Path
 from threading import Event
 
 from dragon_ros.cli.signals import interrupts_blocked
-from dragon_ros.commands.grade.team import Team, TeamGrade, grade_team
+from dragon_ros.commands.grade.reading import CSV_SUFFIXES
+from dragon_ros.commands.grade.team import Problem, Team, TeamGrade, grade_team, named_result
 from dragon_ros.core.errors import InputError, MissingError
 from dragon_ros.core.limits import GRADED_BOOKS
 
 _BOOKS = ('.xlsx', '.xlsm', '.xls', '.xlsb', '.xltx')
 _ANSWERS = ('.yaml', '.yml')
 _RESULT = re.compile(r'[\s_\-]*(?:result|结果|附件|res)[\s_\-]*0?[124](?!\d)[\s_\-]*', re.IGNORECASE)
+_QUANTITY = re.compile(r'[\s_\-]*(?:positions?|speeds?|velocit(?:y|ies)|位置|坐标|速度)[\s_\-]*', re.IGNORECASE)
+_MOST_FOLDERS = 100_000
+_MOST_NAMES = 5         # largest number of names that say what a folder without results contains
 _AT_ONCE_S = 0.2        # interval (s) between checks for a signal to stop
 _ALONE = 2              # for at most this many teams, starting processes would take longer than grading
 
@@ -23,60 +27,94 @@ _ALONE = 2              # for at most this many teams, starting processes would 
 def teams_of(paths: list[Path]) -> list[Team]:
     """Return the teams in the given files and folders.
 
-    The given files form one team. In a given folder, each subfolder with workbooks is a team; workbooks in one folder
-    belong to several teams if their names differ in more than the number of the result. Raises InputError or
+    The given files form one team. In a given folder, each subfolder is a team, also one without results; files in one
+    folder belong to several teams if their names differ in more than the number of the result. Raises InputError or
     MissingError.
     """
     missing = [path for path in paths if not path.exists()]
     if missing:
         raise MissingError(f'{missing[0]}: it does not exist; give workbooks, or a folder with one subfolder per team')
     files = [path for path in paths if not path.is_dir()]
-    teams = _split(_name_of(files), files) if files else []
+    teams = _split(_key(files[0].stem) or files[0].resolve().parent.name or 'team', files) if files else []
     for path in paths:
         if path.is_dir():
-            teams += list(_in_folder(path))
+            teams += _Walk(path).teams()
     if not teams:
         raise InputError(f'{paths[0]}: it contains no workbook (.xlsx); give result1.xlsx, result2.xlsx, '
                          f'result4.xlsx, or a folder with one subfolder per team')
     return teams
 
 
-def _name_of(files: list[Path]) -> str:
-    """Return a team's name: the common part of its files' names, or the name of their folder."""
-    shared = _RESULT.sub('', files[0].stem)
-    return shared or files[0].resolve().parent.name or 'team'
+def _key(stem: str) -> str:
+    """Return a file's name without the number of the result and the quantity."""
+    return _QUANTITY.sub('', _RESULT.sub('', stem))
 
 
-def _in_folder(root: Path) -> Iterator[Team]:
-    """Yield the teams of a folder in the order of their names."""
-    room = GRADED_BOOKS
-    for folder, folders, names in walk(root):
-        folders.sort()
-        here = Path(folder)
-        books = [here / name for name in sorted(names) if _is(name, _BOOKS)]
-        room -= len(books)
-        if room < 0:
-            raise InputError(f'{root}: it contains more than {GRADED_BOOKS} workbooks; grade the folder in parts')
-        answers = [here / name for name in sorted(names) if _is(name, _ANSWERS)]
-        if books or answers:
-            name = here.relative_to(root).as_posix()
-            teams = _split(root.resolve().name if name == '.' else name, books)
-            for team in teams:
-                team.answers_file = answers[0] if answers and len(teams) == 1 else None
-            yield from teams
+class _Walk:
+    """A walk through a folder of teams, which follows links to folders."""
+
+    def __init__(self, root: Path) -> None:
+        """Start at the given folder."""
+        self._root, self._room, self._folders = root, GRADED_BOOKS, _MOST_FOLDERS
+
+    def teams(self) -> list[Team]:
+        """Return the teams in the order of their folders' names. Raises InputError if there are too many files."""
+        return self._below(self._root, '', ())
+
+    def _below(self, folder: Path, name: str, above: tuple[Path, ...]) -> list[Team]:
+        """Return the teams in a folder; a team of a folder without any results says what the folder contains."""
+        real = folder.resolve()
+        self._folders -= 1
+        if real in above or self._folders < 0:
+            return []
+        try:
+            entries = sorted(one for one in folder.iterdir() if not one.name.startswith(('.', '~$', '__MACOSX')))
+            inner = [one for one in entries if one.is_dir()]
+        except OSError as error:
+            return [Team(name, [], problems=(Problem('', 'folder_unreadable', {'said': error.strerror}),))]
+        files = [one for one in entries if one not in inner]
+        own = self._own(folder, name, files)
+        below = [self._below(one, f'{name}/{one.name}' if name else one.name, (*above, real)) for one in inner]
+        with_results = [teams for teams in below if any(_gives_results(team) for team in teams)]
+        if len(with_results) > 1 or (not own and not name):     # a folder of teams
+            return [*own, *(team for teams in below for team in teams)]
+        if own or with_results:
+            return [*own, *(team for teams in with_results for team in teams)]
+        names = [one.name + '/' * one.is_dir() for one in entries]
+        shown = ', '.join(names[:_MOST_NAMES]) + (', ...' if len(names) > _MOST_NAMES else '')
+        problem = Problem('', 'found_instead', {'files': shown}) if names else Problem('', 'found_nothing', {})
+        return [Team(name, [], problems=(problem,))] if name else []
+
+    def _own(self, folder: Path, name: str, files: list[Path]) -> list[Team]:
+        """Return the teams whose files are in a folder itself."""
+        books = [one for one in files if _is(one, _BOOKS)]
+        tables = [one for one in files if _is(one, CSV_SUFFIXES)]
+        books += [one for one in tables if not books or named_result(one.stem)]
+        self._room -= len(books)
+        if self._room < 0:
+            raise InputError(f'{self._root}: it contains more than {GRADED_BOOKS} workbooks; grade the folder in parts')
+        answers = [one for one in files if _is(one, _ANSWERS)]
+        if not books and not answers:
+            return []
+        teams = _split(name or folder.resolve().name, books)
+        for team in teams:
+            team.answers_file = answers[0] if answers and len(teams) == 1 else None
+        return teams
 
 
-def _is(name: str, kinds: tuple[str, ...]) -> bool:
-    return name.lower().endswith(kinds) and not name.startswith(('~$', '.'))
+def _gives_results(team: Team) -> bool:
+    return bool(team.files or team.answers_file)
+
+
+def _is(path: Path, suffixes: tuple[str, ...]) -> bool:
+    return path.name.lower().endswith(suffixes)
 
 
 def _split(name: str, books: list[Path]) -> list[Team]:
     """Return the teams in a folder: several teams if file names differ in more than the number of the result."""
-    if not books:
-        return [Team(name, [])]
     groups: dict[str, list[Path]] = {}
     for path in books:
-        groups.setdefault(_RESULT.sub('', path.stem) if _RESULT.search(path.stem) else '', []).append(path)
+        groups.setdefault(_key(path.stem) if _RESULT.search(path.stem) else '', []).append(path)
     if len(groups) <= 1 or sum(len(group) > 1 for group in groups.values()) < 2:
         return [Team(name, books)]
     return [Team(key or name, group) for key, group in groups.items()]
@@ -108,7 +146,7 @@ def _in_processes(teams: list[Team], grades: dict[int, TeamGrade], stop: Event, 
     for n in range(len(teams)):
         if n not in grades and not stop.is_set() and not _run(teams, [n], 1, grades, stop, done):
             grades[n] = TeamGrade(teams[n].name, tuple(path.name for path in teams[n].files), (), (), (),
-                                  ('a workbook crashed the process that read it; save it again as .xlsx',))
+                                  (Problem('', 'crashed', {}),))
             done()
 
 

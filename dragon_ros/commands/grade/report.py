@@ -12,10 +12,10 @@ from math import floor, log10
 from pathlib import Path
 
 from dragon_ros.commands.grade.heat import LEAST, MOST, Heat
-from dragon_ros.commands.grade.tables import looks_like, place_of
-from dragon_ros.commands.grade.team import BOUNDS, QUESTIONS, SHEETS, AnswerGrade, SheetGrade, TeamGrade
+from dragon_ros.commands.grade.tables import looks_like, place_of, reason_of, verdict_key
+from dragon_ros.commands.grade.team import BOUNDS, QUESTIONS, SHEETS, UNREAD, AnswerGrade, SheetGrade, TeamGrade
 from dragon_ros.commands.grade.truth import RESULTS
-from dragon_ros.commands.grade.words import sentence
+from dragon_ros.commands.grade.words import sentence, titled
 from dragon_ros.version import __version__
 
 # Anchor colours of the colour map viridis by Smith and van der Walt (CC0). Its lightness increases evenly, and
@@ -23,6 +23,7 @@ from dragon_ros.version import __version__
 _VIRIDIS = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))
 _WIDE, _HIGH = 448, 304         # width and height of a picture of errors, in the picture's units
 _LINE_HIGH = 110
+_UNITS = {'positions': 'm', 'speeds': 'm/s'}
 _STYLE = Path(__file__).with_name('report.css')
 
 
@@ -66,23 +67,41 @@ def _overview(teams: list[TeamGrade], lang: str) -> Iterator[str]:
         answers = {one.question: one for one in team.answers}
         cells = [_pill_of(sheets.get(column), lang) for column in columns]
         cells += [_pill(answers[one].verdict, lang) if one in answers else _pill('missing', lang) for one in asked]
-        warning = f' <span class="problem" title="{escape("; ".join(team.problems))}">!</span>' if team.problems else ''
-        yield (f'<tr><td class="name"><a href="#team-{number}">{escape(team.name)}</a>{warning}</td>'
-               + ''.join(map(_cell, heads, cells)) + '</tr>')
+        more = [*_problems(team, lang), *_causes(team, lang)]
+        graded = (''.join(map(_cell, heads, cells)) if sheets or answers else
+                  f'<td colspan="{len(heads)}">{"".join(more)}</td>')
+        yield (f'<tr><td class="name"><a href="#team-{number}">{escape(team.name)}</a></td>{graded}</tr>')
+        if more and (sheets or answers):
+            yield f'<tr class="more"><td></td><td colspan="{len(heads)}">{"".join(more)}</td></tr>'
     yield '</tbody></table></div>'
 
 
 def _pill_of(one: SheetGrade | None, lang: str) -> str:
-    """Return the verdict on a sheet with its worst error and its diagnosis."""
-    if one is None or one.worst is None:
+    """Return the verdict on a sheet with its worst error."""
+    if one is None:
         return _pill('missing', lang)
-    if one.verdict == 'right':
-        return _pill(one.verdict, lang)
-    if one.verdict == 'incomplete':
-        return f'{_pill(one.verdict, lang)}<small>{one.cells} / {one.expected}</small>'
-    why = looks_like(one, lang)
-    more = f'<small title="{escape(why)}">{one.worst:.2g}{f"; {escape(_cut(why))}" if why else ""}</small>'
-    return _pill(one.verdict, lang) + more
+    more = {'right': '', 'incomplete': f'{one.cells} / {one.expected}'}.get(
+        one.verdict, '' if one.worst is None else f'{one.worst:.2g} {_UNITS[one.sheet]}')
+    return _pill(one.verdict, lang) + (f'<small>{more}</small>' if more else '')
+
+
+def _problems(team: TeamGrade, lang: str) -> Iterator[str]:
+    """Yield what was not graded, and why."""
+    for one in team.problems:
+        verdict = sentence(verdict_key(UNREAD.get(one.key, 'not_readable')) if one.path else 'problems', None, lang)
+        line = titled(verdict, one._replace(path=Path(one.path).name if one.path else '').line(lang), lang)
+        yield f'<p class="problem">{escape(line)}</p>'
+
+
+def _causes(team: TeamGrade, lang: str) -> Iterator[str]:
+    """Yield the diagnoses of a team's sheets, each with the sheets to which it applies."""
+    by_cause: dict[str, list[str]] = {}
+    for one in team.sheets:
+        if why := looks_like(one, lang):
+            by_cause.setdefault(why, []).append(f'{one.result} {sentence(one.sheet, None, lang)}')
+    separator = '、' if lang == 'zh' else ', '
+    yield from (f'<p class="why">{escape(titled(separator.join(where), why, lang))}</p>'
+                for why, where in by_cause.items())
 
 
 def _cell(head: str, content: str, kind: str = '') -> str:
@@ -90,12 +109,8 @@ def _cell(head: str, content: str, kind: str = '') -> str:
     return f'<td{kind} data-head="{head}">{content}</td>'
 
 
-def _cut(text: str) -> str:
-    return text if len(text) <= 60 else f'{text[:58]}…'
-
-
 def _pill(verdict: str, lang: str) -> str:
-    return f'<span class="pill {verdict}">{_said(verdict, lang)}</span>'
+    return f'<span class="pill {verdict}">{_said(verdict_key(verdict), lang)}</span>'
 
 
 def _team(number: int, team: TeamGrade, many: bool, lang: str) -> Iterator[str]:
@@ -106,9 +121,8 @@ def _team(number: int, team: TeamGrade, many: bool, lang: str) -> Iterator[str]:
     if team.files:
         yield f'<p class="quiet">{escape(", ".join(team.files))}</p>'
     if team.problems:
-        yield f'<h2>{_said("problems", lang)}</h2><ul>'
-        yield from (f'<li class="problem">{escape(line)}</li>' for line in team.problems)
-        yield '</ul>'
+        yield f'<h2>{_said("problems", lang)}</h2>'
+        yield from _problems(team, lang)
     if team.sheets:
         yield from _results(team.sheets, lang)
     if team.answers:
@@ -139,11 +153,10 @@ def _results(sheets: Iterable[SheetGrade], lang: str) -> Iterator[str]:
     for one in sheets:
         name = f'{one.result} {_said(one.sheet, lang)}'
         if one.worst is None:
-            yield (f'<tr><td class="name">{name}</td><td>{_pill("missing", lang)}</td>'
-                   f'<td colspan="{len(heads) - 2}"></td></tr>')
+            yield (f'<tr><td class="name">{name}</td><td>{_pill(one.verdict, lang)}</td>'
+                   f'<td colspan="{len(heads) - 2}">{escape(reason_of(one, lang))}</td></tr>')
             continue
-        unit = 'm' if one.sheet == 'positions' else 'm/s'
-        cells = [f'{one.cells} / {one.expected}', f'{one.worst:.3g} {unit}', escape(place_of(one, lang)),
+        cells = [f'{one.cells} / {one.expected}', f'{one.worst:.3g} {_UNITS[one.sheet]}', escape(place_of(one, lang)),
                  *(f'{share:.2%}' for share in one.within)]
         shown = (_cell(heads[n], cell, ' class="n"' if n in numbers else '') for n, cell in enumerate(cells, 2))
         yield f'<tr><td class="name">{name}</td><td>{_pill(one.verdict, lang)}</td>{"".join(shown)}</tr>'

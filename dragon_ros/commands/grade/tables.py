@@ -24,13 +24,14 @@ def _values(team: TeamGrade) -> dict[str, Any]:
                          'verdict': one.verdict, 'findings': list(map(_finding_values, one.findings))}
                         for one in team.answers],
             'notes': [{'key': key, 'parameters': parameters, 'text': sentence(key, parameters)}
-                      for key, parameters in team.notes], 'problems': list(team.problems)}
+                      for key, parameters in team.notes], 'problems': [one.line() for one in team.problems]}
 
 
 def _sheet_values(one: SheetGrade) -> dict[str, Any]:
     return {'result': one.result, 'sheet': one.sheet, 'verdict': one.verdict, 'cells': one.cells,
             'expected': one.expected, 'worst': one.worst, 'handle': one.handle, 't_s': one.t_s,
-            'within': list(one.within), 'explains': one.explains, 'findings': list(map(_finding_values, one.findings))}
+            'within': list(one.within), 'explains': one.explains, 'findings': list(map(_finding_values, one.findings)),
+            'reason': None if one.reason is None else _finding_values(one.reason)}
 
 
 def _finding_values(one: Finding) -> dict[str, Any]:
@@ -56,14 +57,15 @@ def _row(team: TeamGrade) -> Iterable[object]:
     for result in RESULTS:
         for sheet in SHEETS:
             one = sheets.get((result, sheet))
-            row += ['missing', 0, '', *[''] * len(BOUNDS), '', ''] if one is None else [
+            row += [one.verdict if one else 'missing', 0, '', *[''] * len(BOUNDS), *(
+                [keys_of([one.reason]) if one and one.reason else '', ''])] if one is None or one.worst is None else [
                 one.verdict, one.cells, '' if one.worst is None else one.worst, *one.within, keys_of(one.findings),
                 '' if one.explains is None else one.explains]
     for question in QUESTIONS:
         answer = answers.get(question)
         row += ['', '', 'missing', ''] if answer is None else [answer.given, answer.error, answer.verdict,
                                                                keys_of(answer.findings)]
-    return [*row, _harmless('; '.join(team.problems))]
+    return [*row, _harmless('; '.join(one.line() for one in team.problems))]
 
 
 def _harmless(text: str) -> str:
@@ -96,6 +98,16 @@ def looks_like(one: SheetGrade | AnswerGrade, lang: str) -> str:
     return sentence('looks_like', {'what': what, 'share': sentence('explains', {'share': explains}, lang)}, lang)
 
 
+def verdict_key(verdict: str) -> str:
+    """Return the key of a verdict's name in ``words``."""
+    return 'verdict_not_understood' if verdict == 'not_understood' else verdict
+
+
+def reason_of(one: SheetGrade, lang: str) -> str:
+    """Return why a sheet is not graded, as text."""
+    return sentence(one.reason.key, one.reason.parameters, lang) if one.reason else ''
+
+
 def place_of(one: SheetGrade, lang: str) -> str:
     """Return the handle and the time of the worst error, as text."""
     if one.handle is None or one.t_s is None:
@@ -111,9 +123,10 @@ def text_of(teams: list[TeamGrade], lang: str) -> str:
 def _lines(team: TeamGrade, lang: str) -> Iterable[str]:
     yield team.name
     for one in team.sheets:
-        name = f'  {one.result} {sentence(one.sheet, None, lang)}: {sentence(one.verdict, None, lang)}'
+        name = f'  {one.result} {sentence(one.sheet, None, lang)}: {sentence(verdict_key(one.verdict), None, lang)}'
         if one.worst is None:
-            yield name
+            told = one.reason is None or any(problem[1:] == one.reason[:2] for problem in team.problems)
+            yield name if told else f'{name}; {reason_of(one, lang)}'
             continue
         shares = ', '.join(f'{share:.2%} {sentence("within", {"bound": bound}, lang)}'
                            for bound, share in zip(BOUNDS, one.within, strict=True))
@@ -127,4 +140,4 @@ def _lines(team: TeamGrade, lang: str) -> Iterable[str]:
                f'{sentence(answer.verdict, None, lang)} ({answer.truth:.10g}, {sentence("error", None, lang)} '
                f'{answer.error:.3g}){why}')
     yield from (f'  - {sentence(key, parameters, lang)}' for key, parameters in team.notes)
-    yield from (f'  ! {line}' for line in team.problems)
+    yield from (f'  ! {one.line(lang)}' for one in team.problems)

@@ -6,9 +6,10 @@ import re
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,10 +23,10 @@ from dragon_ros.commands.grade.diagnosis import (
     diagnose_speeds,
 )
 from dragon_ros.commands.grade.heat import Heat, heat_of
-from dragon_ros.commands.grade.layout import HANDLES, GivenResult, given_by
-from dragon_ros.commands.grade.reading import read_book
+from dragon_ros.commands.grade.layout import HANDLES, QUANTITIES, GivenResult, Note, given_by, joined
+from dragon_ros.commands.grade.reading import Refused, WorkbookSheet, read_book
 from dragon_ros.commands.grade.truth import RESULTS, TrueStates, contact_s, truth_at
-from dragon_ros.commands.grade.words import sentence
+from dragon_ros.commands.grade.words import sentence, titled
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import DragonError, InputError
 from dragon_ros.core.numerics.types import Floats
@@ -38,6 +39,9 @@ SHEETS = ('positions', 'speeds')
 _TIMES = {'result1': 301, 'result2': 1, 'result4': 201}
 _LEAST_DECIMALS = {'t_s': 2}    # number of decimals that a right answer needs; for the other questions, it is four
 _NAMED = re.compile(r'(?:result|结果|附件|res)[\s_\-]*0?([124])(?!\d)', re.IGNORECASE)
+_LATEST_4_S = 200.0             # last time (s) in result 4 if its times count from 0
+UNREAD = {'not_understood': 'not_understood', 'contradictory': 'not_understood', 'no_result': 'not_understood',
+           'template': 'missing'}       # notes about a sheet that gives nothing: verdict
 _HALF_ULP = 0.5000001           # above 0.5, because differences between numbers with six decimals are not exact
 
 
@@ -60,16 +64,18 @@ class SheetGrade:
     findings: tuple[Finding, ...]
     explains: float | None
     heat: Heat | None
+    unread: str = 'missing'
+    reason: Finding | None = None
 
     @property
     def verdict(self) -> str:
-        """The verdict: ``missing``, ``right``, ``incomplete``, ``close``, or ``wrong``.
+        """The verdict: ``right``, ``incomplete``, ``close``, ``wrong``, or ``unread`` if no value is given.
 
         A sheet is incomplete if it lacks cells and the others are right, and close if all errors are within the largest
-        bound.
+        bound. ``unread`` is ``missing``, ``not_understood`` or ``not_readable``, and ``reason`` says why.
         """
         if self.worst is None:
-            return 'missing'
+            return self.unread
         if self.worst <= RIGHT:
             return 'right' if self.cells == self.expected else 'incomplete'
         return 'close' if self.worst <= BOUNDS[-1] else 'wrong'
@@ -91,82 +97,179 @@ class AnswerGrade:
         return self.given - self.truth
 
 
+class Problem(NamedTuple):
+    """Input that was not graded: its path, the key of the reason in ``words``, and the parameters of its sentence."""
+
+    path: str
+    key: str
+    parameters: dict[str, object]
+
+    def line(self, lang: str = 'en') -> str:
+        """Return the problem as text."""
+        said = sentence(self.key, self.parameters, lang)
+        return titled(self.path, said, lang) if self.path else said
+
+
 @dataclass(frozen=True)
 class TeamGrade:
-    """A team's grades.
-
-    ``notes`` contains keys of ``words`` with parameters, and ``problems`` contains lines about bad input.
-    """
+    """A team's grades; ``notes`` contains keys of ``words`` with parameters."""
 
     name: str
     files: tuple[str, ...]
     sheets: tuple[SheetGrade, ...]
     answers: tuple[AnswerGrade, ...]
-    notes: tuple[tuple[str, dict[str, object]], ...] = ()
-    problems: tuple[str, ...] = ()
+    notes: tuple[Note, ...] = ()
+    problems: tuple[Problem, ...] = ()
 
 
 @dataclass
 class Team:
-    """A team to grade: its name, its workbooks, and its single-number answers by question."""
+    """A team to grade: its name, its files, its single-number answers by question, and what cannot be graded."""
 
     name: str
     files: list[Path]
     answers: dict[str, float] = field(default_factory=dict)
     answers_file: Path | None = None
+    problems: tuple[Problem, ...] = ()
+
+
+class _Claim(NamedTuple):
+    """A table that may be a result: by the name of its file, by its content, or by both."""
+
+    result: str
+    named: str | None
+    table: GivenResult
+    path: Path
+
+    @property
+    def by_both(self) -> bool:
+        return self.named == self.result
+
+
+class _Taken(NamedTuple):
+    """What a team's files contain: tables, notes, and why the results that files are named after were not read."""
+
+    claims: list[_Claim]
+    notes: list[Note]
+    problems: list[Problem]
+    unread: dict[str, tuple[str, Finding]]      # result: verdict and reason
 
 
 def grade_team(team: Team) -> TeamGrade:
-    """Return the grade of a team; ``problems`` contains one line per input that cannot be read."""
-    problems: list[str] = []
-    notes: list[tuple[str, dict[str, object]]] = []
-    given: dict[str, GivenResult] = {}
+    """Return the grade of a team; ``problems`` contains one entry per input that cannot be read."""
+    taken = _Taken([], [], list(team.problems), {})
     for path in team.files:
-        try:
-            _take(path, given, notes)
-        except InputError as error:
-            problems.append(' '.join(str(error).split()))
+        _take(path, taken)
     answers = dict(team.answers)
     if team.answers_file is not None:
         try:
             answers = {**answers_of(team.answers_file), **answers}
         except InputError as error:
-            problems.append(' '.join(str(error).split()))
-    sheets = [grade for result in RESULTS if result in given for grade in grades_of(result, given[result])]
+            taken.problems.append(Problem('', 'as_said', {'said': ' '.join(str(error).split())}))
+    given = _settled(taken)
+    sheets: list[SheetGrade] = []
+    for result in RESULTS:
+        grades = grades_of(result, given[result]) if result in given else []
+        verdict, reason = taken.unread.get(result, ('missing', None))
+        if reason is not None:
+            grades = [replace(one, unread=verdict, reason=reason) for one in grades or _nothing(result)]
+        sheets += grades
     graded = [answer_grade(question, answers[question]) for question in QUESTIONS if question in answers]
-    return TeamGrade(team.name, tuple(path.name for path in team.files), tuple(sheets), tuple(graded), tuple(notes),
-                     tuple(problems))
+    return TeamGrade(team.name, tuple(path.name for path in team.files), tuple(sheets), tuple(graded),
+                     tuple(taken.notes), tuple(taken.problems))
 
 
-def _take(path: Path, given: dict[str, GivenResult], notes: list[tuple[str, dict[str, object]]]) -> None:
-    """Add the contents of a workbook. Raises InputError."""
-    def refuse(key: str, parameters: dict[str, object]) -> InputError:
-        return InputError(f'{path}: {sentence(key, parameters)}')
-    found = given_by(read_book(path), refuse)
-    notes += found.notes
-    if not found.times_s.size:
-        raise InputError(f'{path}: {sentence("no_result")}; use the layout of the contest (docs/grading.md)')
-    named = _NAMED.search(path.stem)
-    for held, part in _by_result(found, f'result{named[1]}' if named else None):
-        if named and held != f'result{named[1]}':
-            notes.append(('other_result', {'named': path.name, 'held': held}))
-        if held in given:
-            notes.append(('given_twice', {'result': held, 'name': path.name}))
+def _nothing(result: str) -> list[SheetGrade]:
+    """Return the grades of a result of which nothing is given."""
+    nan = np.full((1, HANDLES, 3), np.nan)
+    times_s = np.zeros(1)
+    return [_grade(result, sheet, times_s, nan[..., some], nan[..., some], None)
+            for sheet, some in (('positions', slice(0, 2)), ('speeds', slice(2, 3)))]
+
+
+def _take(path: Path, taken: _Taken) -> None:
+    """Add the contents of a file. A sheet may be named after another result than its file."""
+    of_file = named_result(path.stem)
+
+    def refuse(key: str, parameters: dict[str, object]) -> Refused:
+        return Refused(path, key, **parameters)
+    try:
+        sheets: dict[str | None, list[WorkbookSheet]] = {}
+        for sheet in read_book(path):
+            sheets.setdefault(named_result(sheet.name) or of_file, []).append(sheet)
+        for named, group in sheets.items():
+            _claim(path, named, given_by(group, refuse), taken, alone=len(sheets) == 1)
+    except Refused as error:
+        taken.problems.append(Problem(str(path), error.key, error.parameters))
+        if of_file:
+            taken.unread.setdefault(of_file, ('not_readable', Finding(error.key, error.parameters)))
+    except InputError as error:
+        taken.problems.append(Problem('', 'as_said', {'said': ' '.join(str(error).split())}))
+    except MemoryError:
+        taken.problems.append(Problem(str(path), 'memory', {}))
+
+
+def named_result(name: str) -> str | None:
+    """Return the result that a file or sheet is named after."""
+    found = _NAMED.search(name)
+    return f'result{found[1]}' if found else None
+
+
+def _claim(path: Path, named: str | None, found: GivenResult, taken: _Taken, alone: bool) -> None:
+    """Add the results in the sheets with one name, or why there are none."""
+    said = [note for note in found.notes if note[0] in UNREAD]
+    if found.times_s.size:
+        taken.notes.extend(found.notes)
+    else:
+        said = said or ([('no_result', {})] if alone or named else [])
+        taken.notes.extend(note for note in found.notes if note not in said)
+        taken.problems.extend(Problem(str(path), *note) for note in said)
+    if named and said:
+        taken.unread.setdefault(named, (UNREAD[said[0][0]], Finding(*said[0])))
+    for held, part in _by_result(found, named):
+        if named and held == 'result2' and held != named:
+            taken.unread.setdefault(named, ('not_understood', Finding('untimed', {'named': path.name})))
+            continue
+        taken.claims.append(_Claim(held, named, part, path))
+
+
+def _settled(taken: _Taken) -> dict[str, GivenResult]:
+    """Return each result; a claim by name and content wins over one by content, and earlier files win over later ones.
+
+    Files that give different quantities of one result are combined.
+    """
+    given: dict[str, GivenResult] = {}
+    sure: set[str] = set()
+    for claim in sorted(taken.claims, key=lambda one: not one.by_both):
+        other = given.get(claim.result)
+        if other is None:
+            given[claim.result] = claim.table
+            if claim.by_both:
+                sure.add(claim.result)
+            elif claim.named:
+                taken.notes.append(('other_result', {'named': claim.path.name, 'held': claim.result}))
+        elif claim.result in sure and not claim.by_both:
+            taken.notes.append(('misnamed', {'name': claim.path.name, 'held': claim.result}))
+        elif any(other.has(quantity) and claim.table.has(quantity) for quantity in QUANTITIES):
+            taken.notes.append(('given_twice', {'result': claim.result, 'name': claim.path.name}))
         else:
-            given[held] = part
+            given[claim.result] = joined([(one.times_s, one.cells) for one in (other, claim.table)], [])
+    return given
 
 
 def _by_result(found: GivenResult, named: str | None) -> list[tuple[str, GivenResult]]:
-    """Return a workbook's contents by result; cells without a time belong to the contact."""
+    """Return tables by result, according to their times; cells without a time belong to the contact.
+
+    The name decides if the times do not.
+    """
     untimed = np.isnan(found.times_s)
     out = [('result2', GivenResult(found.times_s[untimed], found.cells[untimed]))] if untimed.any() else []
     timed = GivenResult(found.times_s[~untimed], found.cells[~untimed])
     if timed.times_s.size == 1 and named == 'result2':
         return [('result2', GivenResult(np.array([np.nan]), timed.cells))]
     if timed.times_s.size:
-        before = timed.times_s.min() < 0
-        late = timed.times_s.max() > 200
-        kind = 'result4' if before else 'result1' if late or named != 'result4' else 'result4'
+        before, late = timed.times_s.min() < 0, timed.times_s.max() > _LATEST_4_S
+        kind = 'result4' if before or (named == 'result4' and not late) else 'result1'
         out.append((kind, timed))
     return out
 

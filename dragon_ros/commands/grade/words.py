@@ -126,18 +126,83 @@ WORDS: Words = {
     'unknown': ('unknown', '原因不明'),
     'rest': ('the remaining error, up to {worst:.3g} m, is unexplained', '余下误差（至多 {worst:.3g} m）原因不明'),
     # Reading
+    'unreadable': ('cannot be read: {said}', '无法打开：{said}'),
+    'empty_file': ('is empty; save it as an Excel workbook (.xlsx)', '是空文件；请另存为 Excel 工作簿 (.xlsx)'),
+    'too_large': ('it has more than {most} bytes, the limit for a workbook; keep only the result sheets',
+                  '超过 {most} 字节的上限；请只保留结果工作表'),
+    'password': ('it is protected by a password; save it without a password', '有密码保护；请去掉密码后另存'),
+    'excel97': ('it is a workbook of Excel 97 (.xls); save it as .xlsx', '是 Excel 97 工作簿 (.xls)；请另存为 .xlsx'),
+    'not_xlsx': ('is not an XLSX workbook; save it as an Excel workbook (.xlsx)',
+                 '不是 XLSX 工作簿；请另存为 Excel 工作簿 (.xlsx)'),
+    'macros': ('it contains macros; save it as .xlsx without macros', '含有宏；请另存为不含宏的 .xlsx'),
+    'links_out': ('it contains links to other workbooks; replace them with values and save it again',
+                  '含有到其他工作簿的链接；请改为数值后另存'),
+    'xlsb': ('it is a binary workbook (.xlsb); save it as .xlsx', '是二进制工作簿 (.xlsb)；请另存为 .xlsx'),
+    'part_twice': ('it contains a part twice; save it again as .xlsx', '同一部件出现两次；请重新另存为 .xlsx'),
+    'damaged': ('it is damaged or truncated ({said}); save it again as .xlsx',
+                '文件损坏或不完整（{said}）；请重新另存为 .xlsx'),
+    'not_a_book': ('cannot be read as a workbook ({said}); save it again as .xlsx',
+                   '无法按工作簿读取（{said}）；请重新另存为 .xlsx'),
+    'not_csv': ('cannot be read as CSV ({said}); save it as CSV in UTF-8',
+                '无法按 CSV 读取（{said}）；请另存为 UTF-8 编码的 CSV'),
+    'no_sheets': ('it contains no sheets; save it again as an Excel workbook (.xlsx)',
+                  '没有工作表；请另存为 Excel 工作簿 (.xlsx)'),
+    'unpacks': ('unpacks to more than {most} bytes, the limit for a workbook', '解压后超过 {most} 字节的上限'),
+    'index_unpacks': ('{part} unpacks to more than {most} bytes, the limit for a list of parts',
+                      '{part} 解压后超过 {most} 字节的上限'),
+    'texts_unpack': ('the texts of its cells have more than {most} bytes, the limit for a workbook',
+                     '各单元格的文本合计超过 {most} 字节的上限'),
+    'too_many': ('it has {count} {things}; the limit for a workbook is {most}', '有 {count} {things}，上限为 {most}'),
+    'sheet_too_large': ('{sheet} has {count} {things}; the limit for a sheet is {most}; delete everything that is not '
+                        'part of the result', '{sheet} 有 {count} {things}，上限为 {most}；请删去与结果无关的内容'),
+    'not_plain_xml': ('{part} is not plain XML in UTF-8; save it again as .xlsx',
+                      '{part} 不是 UTF-8 编码的普通 XML；请重新另存为 .xlsx'),
+    'formula': ('{sheet} has a formula without a value in {place}; open the workbook in a spreadsheet program, '
+                'recalculate it, and save it', '{sheet} 的 {place} 有未计算的公式；请在电子表格软件中重新计算并保存'),
+    'memory': ('grading it would take too much memory; keep only the result sheets',
+               '评分所需内存过多；请只保留结果工作表'),
+    'n_files': ('files', '个文件'), 'n_sheets': ('sheets', '个工作表'), 'n_rows': ('rows', '行'),
+    'n_columns': ('columns', '列'), 'n_cells': ('cells', '个单元格'), 'n_texts': ('texts', '段文本'),
     'sheet_empty': ('sheet {sheet} is empty', '工作表 {sheet} 为空'),
+    'template': ('sheet {sheet} is the template, without values', '工作表 {sheet} 是空白模板，没有数值'),
     'numbers_as_text': ('the numbers in sheet {sheet} are stored as text', '工作表 {sheet} 中的数字以文本存储'),
     'transposed': ('sheet {sheet} is transposed: times are in rows', '工作表 {sheet} 行列互换：时间在行上'),
     'without_labels': ("sheet {sheet} names no handles; its rows are read in the contest's order",
                        '工作表 {sheet} 没有把手名称，按竞赛模板的顺序读取'),
-    'not_understood': ('no cell in sheet {sheet} can be assigned to a handle and a quantity',
-                       '工作表 {sheet} 中没有可识别的数据'),
+    'without_times': ('sheet {sheet} names no times; its {count} columns are read as {first:g} s to {last:g} s',
+                      '工作表 {sheet} 没有时间，{count} 列按 {first:g} s 至 {last:g} s 读取'),
+    'from_one': ('sheet {sheet} counts the handles from 1; 1 is read as the front handle of the head',
+                 '工作表 {sheet} 的把手从 1 开始编号，1 视为龙头前把手'),
+    'row_too_many': ('sheet {sheet} has one row too many: {count} handles instead of 224; the handles are read in '
+                     'order, and the last is ignored',
+                     '工作表 {sheet} 多一行：{count} 个把手，应为 224 个；按顺序读取，忽略最后一个'),
+    'times_ignored': ('{count} of {whole} times are compared', '{whole} 个时刻中比较了 {count} 个'),
+    'not_understood': ('sheet {sheet} is not understood: it has {rows} rows and {columns} columns of numbers, under '
+                       'labels such as {label}; expected are 448 rows for x and y of each handle (224 for speeds) and '
+                       'a column for each time, with labels such as 龙头x (m) and 0 s',
+                       '工作表 {sheet} 无法理解：有 {rows} 行 {columns} 列数字，标签如 {label}；'
+                       '应有 448 行（各把手的 x、y）或 '
+                       '224 行（速度），每个时刻一列，标签如 龙头x (m) 与 0 s'),
+    'contradictory': ('sheet {sheet} is not understood: {count} cells give another value for a handle, quantity and '
+                      'time that another cell gives; label each row with its handle and each column with its time',
+                      '工作表 {sheet} 无法理解：有 {count} 个单元格与同一把手、同一量、同一时刻的其他单元格不同；'
+                      '请在每行标明把手、每列标明时刻'),
+    'untimed': ('it is named {named}, but gives one state without times; expected are times such as 0 s, 1 s',
+                '文件名为 {named}，但只有一个无时间的状态；应有 0 s、1 s 等时刻'),
     'merged': ('{sheet}: cells {place} are merged among the values; unmerge them',
-               '{sheet}：数据区 {place} 有合并单元格，请取消合并'),
+               '{sheet}：数据区 {place} 有合并单元格；请取消合并'),
     'other_result': ('it is named {named}, but contains {held}', '文件名为 {named}，内容是 {held}'),
+    'misnamed': ('{name} is ignored: it is named otherwise, but contains {held}, which another file gives',
+                 '忽略 {name}：文件名与内容不符，内容是 {held}，而另有文件给出该结果'),
     'given_twice': ('{result} is given twice; {name} is ignored', '{result} 重复，忽略 {name}'),
-    'no_result': ('it contains no table of handles', '其中没有找到把手数据表'),
+    'no_result': ('it contains no table of handles; use the layout of the contest (docs/grading.md)',
+                  '其中没有找到把手数据表；请采用竞赛模板的格式'),
+    'found_instead': ('no workbook or CSV file with results; found {files}', '没有结果工作簿或 CSV；其中有：{files}'),
+    'found_nothing': ('the folder is empty', '文件夹为空'),
+    'folder_unreadable': ('the folder cannot be read: {said}', '文件夹无法读取：{said}'),
+    'crashed': ('a workbook crashed the process that read it; save it again as .xlsx',
+                '某个工作簿使读取进程崩溃；请重新另存为 .xlsx'),
+    'as_said': ('{said}', '{said}（见英文）'),
     # The report
     'title': ('Grading report: bench dragon (CUMCM 2024 A)', '评分报告：板凳龙（CUMCM 2024 A 题）'),
     'teams': ('Teams', '队伍'),
@@ -156,6 +221,8 @@ WORDS: Words = {
     'explains': ('explains {share:.2%} of the error', '解释了 {share:.2%} 的误差'),
     'looks_like': ('looks like: {what} ({share})', '疑似：{what}（{share}）'),
     'seen': ('seen: {what}', '可见：{what}'),
+    'not_readable': ('not readable', '无法读取'),
+    'verdict_not_understood': ('not understood', '无法理解'),
     'right': ('right', '正确'),
     'wrong': ('wrong', '错误'),
     'incomplete': ('incomplete', '不完整'),
@@ -184,7 +251,7 @@ WORDS: Words = {
     'interrupted': ('interrupted: {done} of {whole} teams were graded', '已中断：{whole} 支队伍中评了 {done} 支'),
     'forward': ('forward', '前向'), 'backward': ('backward', '后向'), 'central': ('central', '中心'),
 }
-_NAMES = ('kind', 'quantity')       # parameters whose values may be keys of WORDS
+_NAMES = ('kind', 'quantity', 'things')       # parameters whose values may be keys of WORDS
 
 
 def sentence(key: str, parameters: Mapping[str, object] | None = None, lang: str = 'en') -> str:
@@ -196,6 +263,11 @@ def sentence(key: str, parameters: Mapping[str, object] | None = None, lang: str
         if str(values.get(name)) in WORDS:
             values[name] = sentence(str(values[name]), None, lang)
     return say(WORDS, key, lang, **values)
+
+
+def titled(title: str, text: str, lang: str) -> str:
+    """Return a text after its title, with the punctuation of the language."""
+    return f'{title}{"：" if lang == "zh" else ": "}{text}'
 
 
 def handle_name(handle: int, lang: str = 'en') -> str:
