@@ -32,14 +32,17 @@ class MessageError(InputError):
 
 
 class Reader:
-    """Reads plain CDR field by field; offsets count from the start of the data."""
+    """Reads plain CDR field by field; offsets count from the start of the data.
+
+    ``spare`` counts the bytes that Fast DDS may leave unused at the end of a message: eight for an empty ``float64[]``.
+    """
 
     def __init__(self, data: bytes | bytearray) -> None:
         """Read the encapsulation header."""
         if len(data) < 4 or data[0] != 0 or data[1] > 1:
             raise MessageError(f'not plain CDR: it starts with {bytes(data[:4]).hex() or "nothing"}; '
                                'expected 0000 or 0001 (XCDR2 and parameter lists are not supported)')
-        self.data, self.order, self.at = data, '><'[data[1]], 4
+        self.data, self.order, self.at, self.spare = data, '><'[data[1]], 4, 0
 
     def skip(self, kind: str, count: int = 1) -> int:
         """Skip aligned values of one type and return the offset of the first value."""
@@ -78,9 +81,19 @@ def decode(name: str, data: bytes | bytearray) -> dict[str, Any]:
     """Decode a message on any of the package's topics into fields by name; arrays of numbers are views of the bytes.
 
     A nested message whose numbers all have one type becomes an array: a Pose is 7 floats, and Pose[] has the shape
-    (N, 7).
+    (N, 7). Raises MessageError unless the bytes are exactly one message.
     """
-    return _message(Reader(data), fields_of(name))
+    reader = Reader(data)
+    message = _message(reader, fields_of(name))
+    check_end(reader.at, reader.spare, len(data))
+    return message
+
+
+def check_end(end: int, spare: int, length: int) -> None:
+    """Raise a MessageError unless a message that ends at byte ``end`` has this length, or is padded to whole words."""
+    padded = end + -end % 4
+    if length not in (end, *range(padded, padded + spare + 1, 4)):
+        raise MessageError(f'the message ends at byte {end} of {length}')
 
 
 def _message(reader: Reader, fields: Sequence[Field]) -> dict[str, Any]:
@@ -93,8 +106,13 @@ def _value(reader: Reader, field: Field) -> Any:
     count = 1 if field.many is None else field.many or reader.take('I')
     if field.kind in (TEXT, ''):
         return [_one(reader, field) for _ in range(count)]
+    reader.spare += _spare(field, count)
     values = reader.array(field.kind, count * (field.each or 1))
     return values.reshape(count, field.each) if field.each and field.many is not None else values
+
+
+def _spare(field: Field, count: int) -> int:
+    return 0 if count or field.kind != 'd' or field.each else 8
 
 
 def _one(reader: Reader, field: Field) -> Any:
@@ -111,13 +129,14 @@ class Layout:
     at: dict[str, int] = field(default_factory=dict)
     lengths: list[int] = field(default_factory=list)
     end: int = 0
+    spare: int = 0
 
 
 def layout_of(reader: Reader, fields: Sequence[Field]) -> Layout:
     """Skip one message that starts with a time stamp, and return the offsets of its fields."""
     layout = Layout(reader.at + -(reader.at - 4) % 4)
     _pass(reader, fields, layout, '')
-    layout.end = reader.at
+    layout.end, layout.spare = reader.at, reader.spare
     return layout
 
 
@@ -142,6 +161,7 @@ def _pass_many(reader: Reader, each: Field, layout: Layout, name: str) -> None:
     if each.kind == TEXT and each.many is None:
         reader.skip('B', count)
     elif each.kind not in (TEXT, ''):
+        reader.spare += _spare(each, count)
         reader.skip(each.kind, count * (each.each or 1))
     else:
         for _ in range(count):

@@ -2,10 +2,10 @@
 import numpy as np
 
 from dragon_ros.core.numerics.types import Array
-from dragon_ros.messages.decode import Layout, MessageError, Reader, layout_of
+from dragon_ros.messages.decode import Layout, MessageError, Reader, check_end, layout_of
 from dragon_ros.messages.schemas import fields_of
 
-_ALIGNED = 4        # a message may be padded to a multiple of this number of bytes
+_ALIGNED = 4        # bytes of a word that holds a length
 
 
 class LengthCheck:
@@ -19,24 +19,23 @@ class LengthCheck:
     def fault(self, data: bytes) -> str | None:
         """Return why the bytes are not exactly one message, or None if they are."""
         try:
-            end = self._end(Reader(data))
+            layout = self._layout(Reader(data))
+            check_end(layout.end, layout.spare, len(data))
         except MessageError as error:
             return f'{self._name}: {error}'
-        if len(data) > end + -end % _ALIGNED:
-            return f'{self._name}: the message ends at byte {end} of {len(data)}'
         return None
 
-    def _end(self, reader: Reader) -> int:
-        """Return the offset at which the message ends. Raises MessageError if the bytes end earlier."""
+    def _layout(self, reader: Reader) -> Layout:
+        """Return the layout of the message. Raises MessageError if the bytes end within it."""
         if self._last is not None:
             order, layout, places, words = self._last
             if order == reader.order and layout.end <= len(reader.data) and np.array_equal(
                     _words(reader)[places], words):
-                return layout.end
+                return layout
         layout = layout_of(reader, self._fields)
         places = np.array(layout.lengths, np.intp) // _ALIGNED
         self._last = reader.order, layout, places, _words(reader)[places]
-        return layout.end
+        return layout
 
 
 def _words(reader: Reader) -> Array:

@@ -27,7 +27,7 @@ def test_a_message_of_the_package_is_whole_and_neither_a_part_nor_more_of_it_is(
 
 def test_a_message_may_be_padded_to_its_alignment_and_no_further():
     check, data = LengthCheck('std_msgs/msg/Bool'), b'\0\1\0\0\1'
-    assert [check.fault(data + bytes(n)) is None for n in range(5)] == [True] * 4 + [False]
+    assert [check.fault(data + bytes(n)) is None for n in range(9)] == [True, False, False, True, *[False] * 5]
 
 
 def test_a_double_of_16_bytes_is_too_long_and_no_encoding_is_named():
