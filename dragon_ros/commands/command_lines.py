@@ -1,4 +1,5 @@
 """The command lines of the larger commands, whose modules are imported only after the arguments are parsed."""
+from argparse import ArgumentParser
 from functools import partial
 from pathlib import Path
 
@@ -105,27 +106,16 @@ def demo(argv: list[str]) -> int:
 def route(argv: list[str]) -> int:
     """Make a scene from a drawing; return the exit code."""
     options = command_line.parser(
-        'route', 'Make a track of lines and arcs that follows a drawing: an SVG path, a line in a GeoJSON or CSV '
-        'file,\nor a nav_msgs/Path. Corners are rounded, and curves are fitted. If the dragon cannot follow a line, '
-        'the error names the position.', 'route street.svg --path way --scale 1:200 --output street.yaml')
-    options.add_argument('drawing', nargs='?', type=Path, metavar='DRAWING', help='.svg, .geojson, .wkt, .csv, or a '
-                         'bag with a nav_msgs/Path')
+        'route', 'Make a track of lines and arcs that follows a drawing: an SVG path, a line of a map (GPX, KML, '
+        'GeoJSON,\nOpenStreetMap), a CSV file, or a nav_msgs/Path. Corners are rounded, and curves are fitted. If the '
+        'dragon cannot follow\na line, the error names the position.',
+        'route street.svg --path way --scale 1:200 --output street.yaml')
+    options.add_argument('drawing', nargs='?', type=Path, metavar='DRAWING', help='.svg, .gpx, .kml, .kmz, .geojson, '
+                         '.osm, .wkt, .csv, or a bag with a nav_msgs/Path')
     options.add_argument('--output', type=Path, metavar='SCENE.yaml', help='scene file to write; if omitted, only '
-                         'the table is printed')
-    options.add_argument('--path', metavar='NAME', help='the line to walk: id or label of an SVG path, or name of a '
-                         'GeoJSON feature')
-    options.add_argument('--scale', metavar='1:N', help='scale of an SVG drawing on paper, such as 1:200')
-    options.add_argument('--unit', type=float, metavar='METRES', help='metres per unit of an SVG or CSV file')
-    options.add_argument('--origin', metavar='LON,LAT', help='longitude and latitude of the origin (0, 0), for a '
-                         'GeoJSON file in degrees (the centre of the file)')
-    options.add_argument('--radius', type=float, metavar='METRES', help='radius of rounded corners (twice the smallest '
-                         'radius that these benches can walk)')
-    options.add_argument('--tolerance', type=float, metavar='METRES', default=0.02,
-                         help='largest distance between the track and a drawn curve (%(default)g)')
-    options.add_argument('--start', type=float, metavar='METRES', help='distance along the drawing at which the head '
-                         'starts (by default, the first at which the whole dragon is on the drawing, or 0 if the '
-                         'drawing is too short)')
-    options.add_argument('--reverse', action='store_true', help='walk the drawing in the opposite direction')
+                         'the summary is printed')
+    options.add_argument('--table', type=Path, metavar='FILE', help='file for the table of all pieces and changes')
+    add_drawing_options(options)
     options.add_argument('--topic', metavar='NAME', help='topic of the nav_msgs/Path in a bag or, without '
                                                          'DRAWING, of a live path')
     options.add_argument('--timeout', type=float, metavar='S',
@@ -136,6 +126,27 @@ def route(argv: list[str]) -> int:
     arguments = options.parse_args(argv)
     from dragon_ros.commands.route import run
     return command_line.guarded('route', partial(run, arguments))
+
+
+def add_drawing_options(options: ArgumentParser) -> None:
+    """Add the options that select a line in a drawing and turn it into a track."""
+    options.add_argument('--obstacles', type=Path, metavar='MAP', help='map with obstacles; those within 100 m of the '
+                         'line are used')
+    options.add_argument('--path', metavar='NAME', help='the line to walk: id or label of an SVG path, or name of a '
+                         'line of a map; #2 is the second line, and NAME#2 the second of that name')
+    options.add_argument('--scale', metavar='1:N', help='scale of an SVG drawing on paper, such as 1:200')
+    options.add_argument('--unit', metavar='METRES|deg', help='metres per unit of an SVG or CSV file, or deg for '
+                         'longitude and latitude in a CSV file')
+    options.add_argument('--origin', metavar='LON,LAT|EASTm,NORTHm[,EPSG:N]', help='place of (0, 0), in degrees or in '
+                         'metres of a map (the middle of the first drawing that lies on a map)')
+    options.add_argument('--radius', type=float, metavar='METRES', help='radius of rounded corners (twice the smallest '
+                         'radius that these benches can walk)')
+    options.add_argument('--tolerance', type=float, metavar='METRES', default=0.02,
+                         help='largest distance between the track and a drawn curve (%(default)g)')
+    options.add_argument('--start', type=float, metavar='METRES', help='distance along the drawing at which the head '
+                         'starts (by default, the first at which the whole dragon is on the drawing, or 0 if the '
+                         'drawing is too short)')
+    options.add_argument('--reverse', action='store_true', help='walk the drawing in the opposite direction')
 
 
 def plan(argv: list[str]) -> int:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
     from dragon_ros.core.scene import Scene
     from dragon_ros.core.search.swept_area import SweptArea
+    from dragon_ros.core.venue import Origin
 
 SCALES = (50, 100, 200, 250, 300, 400, 500, 1000)
 PAPERS_MM = {'A4': (297.0, 210.0), 'A3': (420.0, 297.0)}
@@ -63,7 +64,7 @@ def run(arguments: Namespace) -> int:
     plan = Plan(scene, figures.drawable(arguments.title or Path(arguments.scene).stem), lang)
     if kind == 'geojson':
         command_line.write_output(path, geojson(plan))
-        lines = [f'{path}: {plan.say("metres" if plan.origin_deg is None else "degrees")}']
+        lines = [f'{path}: {plan.say("metres" if plan.origin is None else "degrees")}']
     else:
         with figures.style(chinese=lang == 'zh'):
             _write_pages(path, *_pages(plan, *_sheet(arguments, plan)))
@@ -103,9 +104,9 @@ class Plan:
         return self.say('broken_gap' if gap.is_broken else 'exact_gap', name=gap.name, gap=gap.gap_m)
 
     @property
-    def origin_deg(self) -> tuple[float, float] | None:
-        """The longitude and latitude of the plane's origin, or None if the venue does not state it."""
-        return self.scene.venue.origin_deg if self.scene.venue else None
+    def origin(self) -> 'Origin | None':
+        """The place of the plane's origin, or None if the scene does not state it."""
+        return self.scene.origin
 
     @cached_property
     def swept(self) -> 'SweptArea':
@@ -198,18 +199,18 @@ def geojson(plan: Plan) -> str:
     """Return swept area, track and gaps as GeoJSON, in degrees (RFC 7946) or, if the venue has no origin, in metres."""
     from shapely import LineString, normalize, reverse
     from shapely.geometry import mapping
-    swept, origin_deg = plan.swept, plan.origin_deg
+    swept, origin = plan.swept, plan.origin
     drawn: list[tuple[dict[str, Any], Any]] = [
         ({'name': 'swept by the head'}, reverse(normalize(swept.head))),        # outer rings run anticlockwise
         ({'name': 'swept by the body'}, reverse(normalize(swept.body))),
         ({'name': 'track'}, LineString(plan.line))]
     drawn += [({'name': f'gap to {gap.name}', 'gap_m': gap.gap_m}, LineString(gap.ends_m)) for gap in plan.gaps]
-    if origin_deg is not None:
-        from dragon_ros.scenes.venue_files import degrees_of
-        drawn = [(properties, degrees_of(shape, origin_deg)) for properties, shape in drawn]
+    if origin is not None:
+        from dragon_ros.scenes.georeference import degrees_of
+        drawn = [(properties, degrees_of(shape, origin)) for properties, shape in drawn]
     features = [{'type': 'Feature', 'properties': properties, 'geometry': mapping(shape)}
                 for properties, shape in drawn]
-    return json.dumps({'type': 'FeatureCollection', **({'units': 'm'} if origin_deg is None else {}),
+    return json.dumps({'type': 'FeatureCollection', **({'units': 'm'} if origin is None else {}),
                        'features': features})
 
 

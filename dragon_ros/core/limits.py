@@ -24,6 +24,8 @@ DRAWING_BYTES = 8 * MB
 DRAWING_POINTS = 100_000
 XML_DEPTH = 64
 XML_ELEMENTS = 50_000
+MAP_ELEMENTS = 1_000_000
+KMZ_FILES = 1000
 
 # Bags
 CHUNK_BYTES = 128 * MB
@@ -101,12 +103,14 @@ LIMITS = (
     Limit('PROOF_S', 'the time that the checker may take for the certificate in a bag', 'seconds',
           'the checker is stopped; without `--trust`, a run that ends in a contact is then not checked'),
     Limit('VENUE_CORNERS', 'the obstacles and the inside of a venue', 'corners', 'rejected'),
-    Limit('VENUE_BYTES', 'a venue file, and the lines with the corners of the venue in the text of an untrusted scene',
-          'bytes', 'rejected'),
-    Limit('DRAWING_BYTES', 'a drawing that `route` reads', 'bytes', 'rejected'),
+    Limit('VENUE_BYTES', 'a map or a venue file, unpacked; the lines with the corners of the venue in the text of an '
+          'untrusted scene', 'bytes', 'rejected'),
+    Limit('DRAWING_BYTES', 'an SVG or CSV drawing that `route` reads', 'bytes', 'rejected'),
     Limit('DRAWING_POINTS', 'the line that `route` follows, or its path in SVG', 'points or pieces', 'rejected'),
-    Limit('XML_DEPTH', 'the nesting depth of an SVG drawing', 'levels', 'rejected'),
+    Limit('XML_DEPTH', 'the nesting depth of an SVG drawing or a map in XML', 'levels', 'rejected'),
     Limit('XML_ELEMENTS', 'the elements of an SVG drawing', 'elements', 'rejected'),
+    Limit('MAP_ELEMENTS', 'the elements of a map in GPX, KML or OpenStreetMap XML', 'elements', 'rejected'),
+    Limit('KMZ_FILES', 'the files in a KMZ archive', 'files', 'rejected'),
     Limit('CHUNK_BYTES', 'a chunk of a bag after decompression, and a message outside chunks', 'bytes',
           'rejected; a recorder omits such a message, counts it and names its topic'),
     Limit('RECORD_BYTES', 'any other record of a bag: schema, channel, metadata, attachment', 'bytes', 'rejected'),

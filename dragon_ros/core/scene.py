@@ -10,7 +10,7 @@ from dragon_ros.core.checks import choice, number, settle
 from dragon_ros.core.errors import FieldError, did_you_mean
 from dragon_ros.core.flags import Effect, Noise, Trails, check_needs
 from dragon_ros.core.tracks.spec import Spiral, TrackSpec
-from dragon_ros.core.venue import Venue
+from dragon_ros.core.venue import Origin, Venue
 
 NS = 10**9
 LATEST_S = 2**31 - 1       # a ROS stamp stores seconds as int32
@@ -63,6 +63,8 @@ def _period(rate_hz: float) -> tuple[int, int]:
 class Scene:
     """A dragon on a track, led by its head or its tail, with an accuracy, effects, a run and optionally a venue.
 
+    ``origin`` is the place of (0, 0), if known.
+
     All fields are settings, and equivalent scenes compare equal. ``markers`` selects how benches are shown: as 'cubes'
     (one marker per bench) or as 'triangles' (one list for all benches). Faults that appear only when the track is laid
     out in the plane (at joints, in bends, at a lock) are reported when the scene is compiled.
@@ -79,6 +81,7 @@ class Scene:
     noise: Noise = field(default_factory=Noise)
     trails: Trails = field(default_factory=Trails)
     venue: Venue | None = None
+    origin: Origin | None = None
 
     def __post_init__(self) -> None:
         """Reject invalid settings, effects without the effects they need, and scenes that ``paper`` does not support.

@@ -1,5 +1,7 @@
 """Settings of the venue: named obstacles, a polygon that benches must not leave, and the required gap.
 
+An origin places the scene's plane, with its track and its venue, on earth or on a map.
+
 ``geometry.venue`` uses these settings. Shapely checks the polygons; it is imported only if the venue has polygons.
 """
 from collections.abc import Iterable
@@ -15,11 +17,54 @@ from dragon_ros.core.words import counted
 
 INSIDE = 'inside'       # the name of the boundary, which no obstacle may have
 FARTHEST_M = 1e9
+_MAP_M = 2.1e7           # no map of the earth has larger coordinates
 _LONGEST = 100          # maximum number of characters of a name
 _AROUND = 'list its corners in order around the polygon'
 
 Point = tuple[float, float]
 Points = tuple[Point, ...]
+
+
+@dataclass(frozen=True)
+class Origin:
+    """The place of the plane's origin (0, 0): on earth (longitude, latitude), or on a map in metres (east, north).
+
+    On earth, x points east and y north, in the transverse Mercator projection about the origin. On a map, the plane is
+    the map, shifted; ``crs`` names the map's reference system, such as EPSG:32650, or is None if it is unknown.
+    """
+
+    lon_lat_deg: Point | None = None
+    map_m: Point | None = None
+    crs: str | None = None
+
+    def __post_init__(self) -> None:
+        """Reject an origin without a place, with two places, or with a reference system for degrees."""
+        if (self.lon_lat_deg is None) == (self.map_m is None):
+            raise FieldError('origin', None if self.map_m is None else self.map_m, 'it needs one place, in degrees or '
+                             'in metres of a map', 'give lon_lat_deg, or map_m with the crs')
+        if self.crs is not None and (self.map_m is None or not isinstance(self.crs, str) or not self.crs.isprintable()
+                                     or not 0 < len(self.crs) <= _LONGEST):
+            raise FieldError('origin.crs', self.crs, 'it must name the reference system of map_m',
+                             'write for example EPSG:32650')
+        settle(self, lon_lat_deg=_place('origin.lon_lat_deg', self.lon_lat_deg, (180.0, 90.0)),
+               map_m=_place('origin.map_m', self.map_m, (_MAP_M, _MAP_M)))
+
+    def __str__(self) -> str:
+        """Return the origin as the option ``--origin`` reads it."""
+        if self.lon_lat_deg is not None:
+            return f'{self.lon_lat_deg[0]!r},{self.lon_lat_deg[1]!r}'
+        assert self.map_m is not None
+        east, north = self.map_m
+        return f'{east!r}m,{north!r}m' + (f',{self.crs}' if self.crs else '')
+
+
+def _place(field: str, value: Any, most: Point) -> Point | None:
+    if value is None:
+        return None
+    if not isinstance(value, tuple) or len(value) != 2:
+        raise FieldError(field, value, 'it is not a position', 'write [longitude, latitude] or [east, north]')
+    x, y = (number(field, one, low=-high, high=high) for one, high in zip(value, most, strict=True))
+    return x, y
 
 
 @dataclass(frozen=True)
@@ -67,15 +112,11 @@ OBSTACLES: dict[str, type[Obstacle]] = {'polygon': PolygonObstacle, 'line': Line
 
 @dataclass(frozen=True)
 class Venue:
-    """Obstacles, the corners of a polygon that benches must not leave, and the required gap (m) to all of these.
-
-    ``origin_deg`` is the longitude and latitude of the plane's origin, if the plane is georeferenced.
-    """
+    """Obstacles, the corners of a polygon that benches must not leave, and the required gap (m) to all of these."""
 
     obstacles: tuple[Obstacle, ...] = ()
     inside: Points | None = None
     margin_m: float = 0.0
-    origin_deg: Point | None = None
 
     def __post_init__(self) -> None:
         """Reject a venue that is empty or too large, and invalid polygons and lines."""
@@ -91,8 +132,7 @@ class Venue:
             inside = _ring('venue.inside', INSIDE, inside)
             _check_simple('venue.inside', INSIDE, inside, ())
         settle(self, obstacles=tuple(one.checked(f'venue.obstacles.{n}') for n, one in enumerate(self.obstacles, 1)),
-               inside=inside, margin_m=number('venue.margin_m', self.margin_m, low=0.0, high=FARTHEST_M),
-               origin_deg=_origin(self.origin_deg))
+               inside=inside, margin_m=number('venue.margin_m', self.margin_m, low=0.0, high=FARTHEST_M))
         self._check_names()
 
     def _check_names(self) -> None:
@@ -121,17 +161,6 @@ def corners(venue: Venue) -> int:
 
 def _rings(one: Obstacle) -> Iterable[Points]:
     return one.rings_m if isinstance(one, PolygonObstacle) else (one.points_m,)
-
-
-def _origin(value: Any) -> Point | None:
-    """Return a longitude and a latitude in degrees. Raises FieldError."""
-    if value is None:
-        return None
-    if not isinstance(value, tuple) or len(value) != 2:
-        raise FieldError('venue.origin_deg', value, 'it is not a position', 'write [longitude, latitude]')
-    lon, lat = (number('venue.origin_deg', one, low=-most, high=most)
-                for one, most in zip(value, (180.0, 90.0), strict=True))
-    return lon, lat
 
 
 def _name(field: str, value: Any) -> str:

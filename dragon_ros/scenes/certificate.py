@@ -42,8 +42,8 @@ def of_claim(scene: Scene, claim: Any) -> dict[str, Any]:
 
 
 def _certificate(scene: Scene, contact: Any, rows: list[dict[str, Any]]) -> dict[str, Any]:
-    values, version = scene_values(scene), _VERSION
-    if scene.venue is not None:     # the proof depends on neither the required clearance nor the origin
+    values, version = _values(scene), _VERSION
+    if scene.venue is not None:     # the proof does not depend on the required clearance
         values['venue'] = {key: values['venue'][key] for key in ('obstacles', 'inside') if values['venue'].get(key)}
         version = _WITH_VENUE
     return {'version': version, 'scene': values, 'contact': contact, 'intervals': rows}
@@ -51,7 +51,12 @@ def _certificate(scene: Scene, contact: Any, rows: list[dict[str, Any]]) -> dict
 
 def family_values(scene: Scene, proof: FamilyProof) -> dict[str, Any]:
     """Return the certificate of a family as plain values: the claim, which the checker proves independently."""
-    return {'family': 1, 'scene': scene_values(scene), 'within': dict(proof.within), 'proved_s': proof.proved_s}
+    return {'family': 1, 'scene': _values(scene), 'within': dict(proof.within), 'proved_s': proof.proved_s}
+
+
+def _values(scene: Scene) -> dict[str, Any]:
+    """Return a scene's values without its place on earth, on which no proof depends."""
+    return {key: value for key, value in scene_values(scene).items() if key != 'origin'}
 
 
 def _contact(found: Contact | NoContact) -> dict[str, Any]:

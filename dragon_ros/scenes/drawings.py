@@ -1,4 +1,4 @@
-"""Read the line that a dragon follows from a drawing (SVG, GeoJSON, WKT or CSV), as parts in metres, with y upwards.
+"""Read the line that a dragon follows from a drawing (SVG, a map or CSV), as parts in metres, with y upwards.
 
 svgelements interprets SVG paths, shapes, transforms, units and viewBox. It receives only the chosen element and its
 groups. The parser rejects files that are too large, are nested too deeply or declare entities.
@@ -6,20 +6,26 @@ groups. The parser rejects files that are too large, are nested too deeply or de
 import csv
 import io
 import re
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from math import atan2, isfinite
+from math import atan2, cos, isfinite, radians
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
-from xml.parsers import expat
 
 import numpy as np
 
 from dragon_ros.core.errors import FieldError, InputError, MissingError, did_you_mean, shown
-from dragon_ros.core.limits import DRAWING_BYTES, DRAWING_POINTS, XML_DEPTH, XML_ELEMENTS
+from dragon_ros.core.limits import DRAWING_BYTES, DRAWING_POINTS, XML_ELEMENTS
+from dragon_ros.core.numerics.types import Complexes
 from dragon_ros.core.tracks.drawn import Cubic, DrawnPart, EllipseArc
+from dragon_ros.core.venue import Origin
+from dragon_ros.core.words import counted
+from dragon_ros.scenes.georeference import DEGREES, own_origin, placed
+from dragon_ros.scenes.maps import Drawing, check_unit
+from dragon_ros.scenes.xml import tree
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -30,10 +36,17 @@ _SHAPES = ('path', 'polyline', 'line', 'polygon', 'rect', 'circle', 'ellipse')
 _AROUND = ('svg', 'g', 'a', 'switch')     # containers whose contents are drawn in place
 _PX_M = 0.0254 / 96     # in CSS, a pixel is a 96th of an inch
 _MOST_LISTED = 12
+_COLUMNS = ((('x_m', 'y_m'), 1.0), (('x', 'y'), None), (('lon', 'lat'), 'deg'), (('lng', 'lat'), 'deg'),
+            (('longitude', 'latitude'), 'deg'))
 _SIZE = re.compile(r'\s*(\d{1,20}(?:\.\d{0,20})?|\.\d{1,20})\s*(mm|cm|in|pt|pc)\s*')
 _MM = {'mm': 1.0, 'cm': 10.0, 'in': 25.4, 'pt': 25.4 / 72, 'pc': 25.4 / 6}
 _JOINED = 1e-9          # relative to the coordinates; ends closer than this are joined
 _SCALE = re.compile(r'1\s*:\s*(\d+(?:\.\d*)?)')
+_FLOAT = re.compile(r'[-+]?(?:\d{1,30}(?:\.\d{0,30})?|\.\d{1,30})(?:[eE][-+]?\d{1,4})?')
+_TRANSFORM = re.compile(r'(matrix|translate|scale|rotate|skewX|skewY)\s*\(([^()]{0,400})\)')
+_BETWEEN = re.compile(r'[\s,]*')
+_ARGUMENTS = {'matrix': (6,), 'translate': (1, 2), 'scale': (1, 2), 'rotate': (1, 3), 'skewX': (1,), 'skewY': (1,)}
+_LENGTHS = ('width', 'height', 'r', 'rx', 'ry')
 METRES = 'metres of the SVG: '      # precedes a to f in the description: x = a u + c v + e, y = b u + d v + f
 _NUMBER = r'[-+0-9.eE]{1,30}'
 _METRES = re.compile(METRES + r'matrix\((' + ', '.join([_NUMBER] * 6) + r')\)')
@@ -51,6 +64,27 @@ class DrawnLine:
     def turned_round(self) -> 'DrawnLine':
         """Return the line in the opposite direction."""
         return DrawnLine(self.name, tuple(_turned_round(part) for part in reversed(self.parts)))
+
+
+@dataclass(frozen=True)
+class MapLine:
+    """A line in the coordinates of its file: a shapely line, its reference system (None: metres), and notes."""
+
+    path: Path
+    name: str
+    geometry: Any
+    crs: str | None
+    notes: tuple[str, ...] = ()
+
+    def own_origin(self) -> Origin | None:
+        """Return the middle of the line, or None if its coordinates are metres of the scene."""
+        return own_origin(str(self.path), [self.geometry], self.crs)
+
+    def placed(self, origin: Origin | None) -> DrawnLine:
+        """Return the line in metres of the scene's plane. Raises InputError."""
+        from shapely import get_coordinates
+        x, y = get_coordinates(placed(str(self.path), [self.geometry], self.crs, origin)[0]).T
+        return DrawnLine(self.name, (x + 1j * y,))
 
 
 def _turned_round(part: DrawnPart) -> DrawnPart:
@@ -108,8 +142,11 @@ def chosen(path: Path, what: str, names: list[str], asked: str | None, option: s
 
 # CSV
 
-def csv_line(path: Path, unit_m: float) -> DrawnLine:
-    """Return the points of a CSV file from the columns x and y (or x_m and y_m) or, without a header, the first two."""
+def csv_line(path: Path, unit: float | str | None) -> MapLine:
+    """Return the points of a CSV file from its columns x and y, x_m and y_m, or lon and lat, or the first two columns.
+
+    ``unit`` is in metres, or 'deg' for longitude and latitude. Without a unit, x and y are metres.
+    """
     text = _text(path, bytes_of(path))
     try:
         rows = [(number, row) for number, row in enumerate(csv.reader(io.StringIO(text), _dialect(text)), 1)
@@ -118,11 +155,25 @@ def csv_line(path: Path, unit_m: float) -> DrawnLine:
         raise InputError(f'{path}: it is not CSV: {error}') from None
     if len(rows) > DRAWING_POINTS + 1:
         raise InputError(f'{path}: it has {len(rows)} rows; the limit is {DRAWING_POINTS} points')
-    columns = (0, 1)
+    columns, stated = (0, 1), None
     if rows and not _is_number(rows[0][1][0]):
-        columns = _columns(path, rows.pop(0)[1])
-    points = np.array([_point(path, number, row, columns) for number, row in rows], dtype=np.complex128)
-    return DrawnLine(path.name, (unit_m * points,))
+        columns, stated = _columns(path, rows.pop(0)[1])
+    if stated and unit not in (None, stated):
+        raise InputError(f'{path}: its columns are {"degrees" if stated == "deg" else "metres"}; omit --unit '
+                         f'{unit}', field='unit')
+    points = [_point(path, number, row, columns) for number, row in rows]
+    if len(points) < 2:
+        raise InputError(f'{path}: it has {counted(len(points), "point")}; a line needs at least 2')
+    return _csv_line(path, np.array(points), unit or stated)
+
+
+def _csv_line(path: Path, points: Complexes, unit: float | str | None) -> MapLine:
+    from shapely import LineString
+    scale = unit if isinstance(unit, float) else 1.0
+    line = LineString(np.stack((points.real, points.imag), axis=1) * scale)
+    if unit is None:
+        check_unit(path, [line], 'give --unit deg or --unit 1, or name the columns lon and lat, or x_m and y_m')
+    return MapLine(path, path.name, line, DEGREES if unit == 'deg' else None)
 
 
 def _text(path: Path, data: bytes) -> str:
@@ -150,13 +201,14 @@ def _is_number(cell: str) -> bool:
     return True
 
 
-def _columns(path: Path, head: list[str]) -> tuple[int, int]:
+def _columns(path: Path, head: list[str]) -> tuple[tuple[int, int], float | str | None]:
+    """Return the columns of the coordinates, and their unit if the names state it."""
     names = [cell.strip().lower() for cell in head]
-    for pair in (('x_m', 'y_m'), ('x', 'y')):
+    for pair, unit in _COLUMNS:
         if all(name in names for name in pair):
-            return names.index(pair[0]), names.index(pair[1])
-    raise InputError(f'{path}: its columns are {shown(", ".join(names))[1:-1]}; name the coordinate columns x and y, '
-                     'in metres (for degrees, use GeoJSON)')
+            return (names.index(pair[0]), names.index(pair[1])), unit
+    raise InputError(f'{path}: its columns are {shown(", ".join(names))[1:-1]}; name the coordinate columns x and y '
+                     '(in metres), or lon and lat')
 
 
 def _point(path: Path, number: int, row: list[str], columns: tuple[int, int]) -> complex:
@@ -174,22 +226,78 @@ def _within(path: Path, point: complex) -> complex:
     return point
 
 
-# GeoJSON and WKT
+# Maps
 
-def map_line(path: Path, asked: str | None, origin_deg: tuple[float, float] | None) -> DrawnLine:
-    """Return a line of a GeoJSON or WKT file, chosen by name; ``venue_files.read_drawing`` projects degrees."""
-    from shapely import get_coordinates
+def map_line(drawing: Drawing, asked: str | None) -> MapLine:
+    """Return a line of a map, chosen by its name, by ``#2`` (the second) or, if a name is repeated, by ``name#2``.
 
-    from dragon_ros.scenes.venue_files import read_drawing
-    lines = [one for one in read_drawing(path, origin_deg).features
-             if one.geometry.geom_type in ('LineString', 'LinearRing')]
-    names = [one.name or f'#{number}' for number, one in enumerate(lines, 1)]
-    at = chosen(path, 'line', names, asked)
-    x, y = get_coordinates(lines[at].geometry).T
-    points = np.array([_within(path, point) for point in (x + 1j * y).tolist()], dtype=np.complex128)
-    if len(points) > DRAWING_POINTS:
-        raise InputError(f'{path}: it has {len(points)} points; the limit is {DRAWING_POINTS}')
-    return DrawnLine(names[at], (points,))
+    Lines of one name that meet end to end are joined. Raises InputError if they do not meet, or the choice is open.
+    """
+    features = [one for one in drawing.features if is_line(one.geometry)]
+    names = [one.name or f'#{number}' for number, one in enumerate(features, 1)]
+    groups = dict[str, list[Any]]()
+    for name, one in zip(names, features, strict=True):
+        groups.setdefault(name, []).extend(getattr(one.geometry, 'geoms', [one.geometry]))
+    if asked is not None and asked not in groups:
+        name, sign, number = asked.rpartition('#')
+        parts = [one.geometry for one in features] if not name else _different(groups.get(name, []))
+        if sign and number.isdecimal() and 1 <= int(number) <= len(parts):
+            one = parts[int(number) - 1]
+            return _joined(drawing, asked, [*getattr(one, 'geoms', [one])])
+    known = list(groups)
+    name = known[chosen(drawing.path, 'line', known, asked)]
+    return _joined(drawing, name, groups[name])
+
+
+def is_line(geometry: Any) -> bool:
+    """Return whether a geometry consists of lines only."""
+    parts = getattr(geometry, 'geoms', [geometry])
+    return len(parts) > 0 and all(part.geom_type in ('LineString', 'LinearRing') for part in parts)
+
+
+def _different(lines: list[Any]) -> list[Any]:
+    """Return lines without repetitions."""
+    return [one for n, one in enumerate(lines) if not any(one.equals(other) for other in lines[:n])]
+
+
+def _joined(drawing: Drawing, name: str, lines: list[Any]) -> MapLine:
+    """Return lines that meet as one line, in the direction of the first."""
+    kept = _different(lines)
+    notes = [f'{len(lines) - len(kept)} repeated lines were left out'] if len(kept) < len(lines) else []
+    whole = kept[0] if len(kept) == 1 else _merged(kept)
+    if whole is None:
+        raise InputError(_parts_message(drawing, name, kept), field='path')
+    if len(kept) > 1:
+        notes.append(f'joined from {len(kept)} lines that meet')
+    points = len(whole.coords)
+    if points > DRAWING_POINTS:
+        raise InputError(f'{drawing.path}: it has {points} points; the limit is {DRAWING_POINTS}')
+    return MapLine(drawing.path, name, whole, drawing.crs, tuple(notes))
+
+
+def _merged(lines: list[Any]) -> Any:
+    """Return the line through lines that meet end to end, each once; None if there is no such line."""
+    from shapely import LineString, MultiLineString, line_merge
+    whole = line_merge(MultiLineString(lines))
+    if whole.geom_type != 'LineString':
+        return None
+    first = LineString(lines[0].coords)
+    begin, end = (whole.project(first.interpolate(share, normalized=True)) for share in (0.25, 0.75))
+    whole = whole if begin <= end else whole.reverse()
+    points = [*whole.coords]
+    if whole.is_closed and first.coords[0] in points:
+        at = points.index(first.coords[0])
+        whole = LineString([*points[at:-1], *points[:at + 1]])
+    return whole
+
+
+def _parts_message(drawing: Drawing, name: str, lines: list[Any]) -> str:
+    where = str(drawing.path)
+    metres = placed(where, lines, drawing.crs, own_origin(where, lines, drawing.crs))
+    listed = ', '.join(f'{name}#{n} ({one.length:.0f} m)' for n, one in enumerate(metres[:_MOST_LISTED], 1))
+    more = f' and {len(lines) - _MOST_LISTED} more' if len(lines) > _MOST_LISTED else ''
+    return (f'{where}: {shown(name)} consists of {len(lines)} lines that do not meet end to end: {listed}{more}; '
+            f'choose one, for example --path {shown(f"{name}#1")}, or join them in the map')
 
 
 # SVG
@@ -200,17 +308,69 @@ def svg_line(path: Path, asked: str | None, scale: tuple[float, bool] | None) ->
     ``scale`` is in metres per unit of the viewBox, or per metre on paper. It must be None for pictures that define
     their own scale, such as those of ``plot``.
     """
-    root = _tree(path, bytes_of(path))
+    root = tree(path, bytes_of(path), 'SVG', XML_ELEMENTS)
     shapes = list(_shapes(root, [root]))
-    names = [_name(number, *shape) for number, shape in enumerate(shapes, 1)]
-    at = chosen(path, 'path', names, _id_of(shapes, names, asked))
+    names = _unique([_name(number, *shape) for number, shape in enumerate(shapes, 1)])
+    wanted = _id_of(shapes, names, asked)
+    if wanted is not None and wanted not in names and f'{wanted}#1' in names:
+        count = sum(name.rpartition('#')[0] == wanted for name in names)
+        raise InputError(f'{path}: {count} paths have the id {shown(wanted)}; choose one, for example --path '
+                         f'{shown(f"{wanted}#1")}, or give them different ids', field='path')
+    at = chosen(path, 'path', names, wanted)
     matrix = _metres_of(root)
     if matrix is None and scale is None:
         raise InputError(f'{path}: it defines no scale; give --scale 1:200 (of the drawing on paper), or '
                          '--unit with the metres per unit of the drawing', field='scale')
     if matrix is not None and scale is not None:
         raise InputError(f'{path}: it defines its own scale; omit --scale and --unit', field='scale')
+    if scale is not None and scale[1] and not all(_SIZE.fullmatch(root.get(key, '')) for key in ('width', 'height')):
+        raise InputError(f'{path}: it does not state the size of its page (width and height in mm, cm or in), so '
+                         '--scale has no meaning; give --unit with the metres per unit of the drawing', field='scale')
+    for element in (*shapes[at][0], shapes[at][1]):
+        _check_element(path, element)
     return DrawnLine(names[at], tuple(_parts(path, *_read(path, *shapes[at]), matrix, scale)))
+
+
+def _unique(names: list[str]) -> list[str]:
+    """Return names; repeated ones are numbered: ``way#1``, ``way#2``."""
+    many = {name: counts for name, counts in Counter(names).items() if counts > 1}
+    seen = Counter[str]()
+    out = []
+    for name in names:
+        seen[name] += 1
+        out.append(f'{name}#{seen[name]}' if name in many else name)
+    return out
+
+
+def _check_element(path: Path, element: 'Element') -> None:
+    """Raise InputError for transforms and sizes that svgelements would ignore or mirror."""
+    label = f'{path}: {shown(element.get("id") or _kind(element))}'
+    if 'transform' in element.get('style', '') or 'transform-origin' in element.attrib:
+        raise InputError(f'{label}: transforms in styles are not supported; save it as plain SVG')
+    text = element.get('transform', '')
+    given = _TRANSFORM.findall(text)
+    if not all(map(_BETWEEN.fullmatch, (_TRANSFORM.sub('', text), *(_FLOAT.sub('', one) for _, one in given)))):
+        raise InputError(f'{label}: its transform {shown(text)} is not valid; reset it, or save it as plain SVG')
+    for name, numbers in given:
+        _check_transform(label, name, [float(one) for one in _FLOAT.findall(numbers)])
+    sizes = [one for key in _LENGTHS for one in [element.get(key)] if one is not None]
+    sizes += re.split(r'[\s,]+', element.get('viewBox', '').strip())[2:]
+    if any(found and float(found[0]) < 0 for found in map(_FLOAT.match, map(str.strip, sizes))):
+        raise InputError(f'{label}: a size is negative; draw it with positive sizes')
+
+
+def _check_transform(label: str, name: str, numbers: list[float]) -> None:
+    """Raise InputError for a wrong number of arguments, or a transform that flattens the drawing."""
+    if len(numbers) not in _ARGUMENTS[name] or not all(map(isfinite, numbers)):
+        raise InputError(f'{label}: its transform {name} has the arguments {numbers}; reset it')
+    if name == 'matrix':
+        area = numbers[0] * numbers[3] - numbers[1] * numbers[2]
+    elif name == 'scale':
+        area = numbers[0] * numbers[-1]
+    else:
+        area = cos(radians(numbers[0])) if name.startswith('skew') else 1.0
+    if not 1e-15 < abs(area) < 1e15:
+        raise InputError(f'{label}: its transform {name} flattens the drawing; reset it')
 
 
 def _id_of(shapes: list[tuple[list['Element'], 'Element']], names: list[str], asked: str | None) -> str | None:
@@ -227,42 +387,6 @@ def _name(number: int, above: list['Element'], element: 'Element') -> str:
 def _said(above: list['Element'], element: 'Element', key: str) -> list[str]:
     """Return the values of an attribute of a shape, and of its group if the group contains nothing else."""
     return [value for one in (element, *(above[-1:] if len(above[-1]) == 1 else [])) if (value := one.get(key))]
-
-
-def _tree(path: Path, data: bytes) -> 'Element':
-    """Parse a file; reject it while parsing if it declares entities, is nested too deeply or has too many elements."""
-    builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate(namespace_separator='}')
-    depth, count = 0, 0
-
-    def start(tag: str, attributes: dict[str, str]) -> None:
-        nonlocal depth, count
-        depth, count = depth + 1, count + 1
-        if depth > XML_DEPTH or count > XML_ELEMENTS:
-            raise InputError(f'{path}: it is nested {depth} levels deep or has {count} elements; the limits are '
-                             f'{XML_DEPTH} and {XML_ELEMENTS}')
-        builder.start(_qualified(tag), {_qualified(key): value for key, value in attributes.items()})
-
-    def end(tag: str) -> None:
-        nonlocal depth
-        depth -= 1
-        builder.end(_qualified(tag))
-
-    def entity(*_: object) -> None:
-        raise InputError(f'{path}: it declares entities, which are not supported; save it as plain SVG')
-
-    parser.StartElementHandler, parser.EndElementHandler = start, end
-    parser.CharacterDataHandler, parser.EntityDeclHandler = builder.data, entity
-    try:
-        parser.Parse(data, True)
-    except expat.ExpatError as error:
-        raise InputError(f'{path}: it is not SVG: {error}') from None
-    except ValueError as error:     # Python does not support the encoding
-        raise InputError(f'{path}: it is not SVG: {shown(str(error))[1:-1]}') from None
-    return builder.close()
-
-
-def _qualified(name: str) -> str:
-    return f'{{{name}' if '}' in name else name
 
 
 def _kind(element: 'Element') -> str:
@@ -342,7 +466,8 @@ def _parts(path: Path, document: Any, shape: Any, matrix: tuple[float, ...] | No
     try:
         bare = _to_metres(document, matrix, scale)
     except _FAILS:
-        raise InputError(f'{path}: its width, height or viewBox is zero; give it a size') from None
+        raise InputError(f'{path}: its width, height or viewBox is zero or stretches '
+                         'one axis more than the other; give it a size') from None
 
     def to_m(point: Any) -> complex:
         return _within(path, bare(point))
@@ -401,6 +526,8 @@ def _to_metres(document: Any, matrix: tuple[float, ...] | None, scale: tuple[flo
             return complex(a * u + c * v + e, b * u + d * v + f)
         return said
     ratio, of_paper = scale or (1.0, False)
+    if not of_paper and abs(abs(back.a) - abs(back.d)) > 1e-9 * abs(back.a):
+        raise ValueError('its viewBox stretches one axis more than the other')
     metres = ratio * _PX_M if of_paper else ratio * abs(back.a)
 
     def scaled(point: Any) -> complex:

@@ -1,8 +1,11 @@
 """Load scene files: convert YAML to a core Scene, with errors that name the file, line and key."""
+import json
 import re
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from copy import deepcopy
 from dataclasses import MISSING, fields
+from itertools import count
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +20,7 @@ from dragon_ros.core.limits import SCENE_BENCHES, SCENE_CHARACTERS, SCENE_TICKS,
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.tracks.spec import PIECES, Composite, Spiral, STurn
-from dragon_ros.core.venue import OBSTACLES, Venue
+from dragon_ros.core.venue import OBSTACLES, Origin, Venue
 from dragon_ros.scenes.head_laws import PLUGIN, plugged
 from dragon_ros.scenes.yaml import Document, parse_document, plain_number, read_document
 
@@ -29,14 +32,16 @@ SECTIONS: dict[str, dict[str, type]] = {
     'noise': {'': Noise},
     'trails': {'': Trails},
     'venue': {'': Venue},
+    'origin': {'': Origin},
 }       # the kinds of each section; the first kind is the default
-_ABSENT = ('venue',)        # sections without a default
+_ABSENT = ('venue', 'origin')        # sections without a default
 # Keys whose values are lists of mappings.
 PARTS: dict[str, dict[str, type]] = {'pieces': dict(PIECES), 'groups': {'': Group}, 'obstacles': dict(OBSTACLES)}
 _EXAMPLES = {'pieces': '{kind: line, length_m: 5}', 'groups': '{count: 100, length_m: 2.2}',
              'obstacles': '{kind: line, name: wall, points_m: [[0, 0], [9, 0]]}'}
-_PAIRS = {'at_m': 'a point; write for example [1.5, 2]', 'origin_deg': 'a position; write [longitude, latitude]'}
-_WORDS = ('lead', 'ramps', 'side', 'name')
+_PAIRS = {'at_m': 'a point; write for example [1.5, 2]',
+          'lon_lat_deg': 'a position; write [longitude, latitude]', 'map_m': 'a position; write [east, north]'}
+_WORDS = ('lead', 'ramps', 'side', 'name', 'crs')
 CHOICES = ('solver', 'markers')
 SINGLES = ('accuracy', 'effects', *CHOICES)
 _MOST_SHOWN = 100       # maximum length of a --set in an error message, in characters
@@ -50,15 +55,61 @@ def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
 
     Omitted keys default to the classic values. Raises an InputError that names the file, line and key.
     """
-    document = _read(name_or_file)
-    for override in overrides:
-        _override(document, override)
+    return _scene_with_plugin(_overridden(name_or_file, overrides))
+
+
+def load_drawn_scene(name_or_file: str, overrides: Iterable[str], origin: Origin | None, track: Mapping[str, Any],
+                     venue: Mapping[str, Any]) -> Scene:
+    """Return a scene with another origin, another track and more obstacles, all laid out as in a scene file.
+
+    Obstacles whose names are taken are numbered. Raises InputError.
+    """
+    given = [] if origin is None else [f'origin={json.dumps(_values(origin, SECTIONS["origin"]))}']
+    document = _overridden(name_or_file, [*overrides, *given])
+    document.values['track'] = dict(track)
+    if venue:
+        document.values['venue'] = _merged(document, document.values.get('venue') or {}, venue)
     return _scene_with_plugin(document)
 
 
+def _merged(document: Document, venue: Mapping[str, Any], more: Mapping[str, Any]) -> dict[str, Any]:
+    if venue.get('inside') and more.get('inside'):
+        document.refuse('venue.inside', 'the scene and the drawing both have one; remove one of them')
+    taken = {one.get('name') for one in venue.get('obstacles') or []}
+    added = []
+    for one in more['obstacles']:
+        names = (f'{one["name"]}{f" {n}" if n > 1 else ""}' for n in count(1))
+        added.append({**one, 'name': next(name for name in names if name not in taken)})
+        taken.add(added[-1]['name'])
+    return {**venue, **more, 'obstacles': [*(venue.get('obstacles') or []), *added]}
+
+
+def _overridden(name_or_file: str, overrides: Iterable[str]) -> Document:
+    """Return the document of a scene, with its venue file and its overrides."""
+    path, listed = _find(name_or_file), list(overrides)
+    document = read_document(path)
+    early = [one for one in listed if _is_early(one)]
+    for override in early:
+        _override(document, override)
+    takes_other = any(override.partition('=')[0].strip() in ('venue', 'venue.file') for override in early)
+    _take_file(document, Path() if takes_other else path.parent)
+    for override in listed:
+        if override not in early:
+            _override(document, override)
+    return document
+
+
+def _is_early(override: str) -> bool:
+    """Return whether an override takes effect before the venue file is read: an origin, or another venue."""
+    key, _, value = override.partition('=')
+    is_origin = key.partition('.')[0] == 'origin' or key == 'venue.origin_deg'
+    return key in ('venue', 'venue.file') or (is_origin and value.strip() not in ('', 'null', '~'))
+
+
 def load_venue(name_or_file: str) -> Venue:
-    """Return the venue of a scene (a name or a file), or of a GeoJSON or WKT file. Raises InputError."""
-    if Path(name_or_file).suffix.lower() in ('.geojson', '.json', '.wkt'):
+    """Return the venue of a scene (a name or a file), or of a map. Raises InputError."""
+    from dragon_ros.scenes.maps import READERS
+    if Path(name_or_file).suffix.lower() in READERS:
         document = parse_document(name_or_file, '{}')
         document.values['venue'] = {'file': str(Path(name_or_file).absolute())}
         _take_file(document, Path())
@@ -73,6 +124,25 @@ def load_venue(name_or_file: str) -> Venue:
     return venue
 
 
+def venue_file(name_or_file: str, overrides: Iterable[str] = ()) -> tuple[Path | None, Origin | None, bool]:
+    """Return the path of the venue file of a scene, its origin, and whether it has obstacles of its own.
+
+    The path and the origin are None if the scene has none. Raises InputError.
+    """
+    path = _find(name_or_file)
+    document, folder = read_document(path), path.parent
+    for override in overrides:
+        key = override.partition('=')[0].strip()
+        if key.partition('.')[0] in ('origin', 'venue'):
+            _override(document, override)
+            folder = Path() if key in ('venue', 'venue.file') else folder
+    venue = document.values.get('venue')
+    listed = venue if isinstance(venue, dict) else {}
+    name = listed.get('file')
+    return (folder / name if isinstance(name, str) else None, _origin_of(document),
+            bool(listed.get('obstacles') or listed.get('inside')))
+
+
 def _read(name_or_file: str) -> Document:
     """Return the document of a scene, given its name or file, including the contents of its venue file."""
     path = _find(name_or_file)
@@ -83,38 +153,72 @@ def _read(name_or_file: str) -> Document:
 
 def _take_file(document: Document, folder: Path) -> None:
     """Replace the key venue.file, if given, with the contents of that file. Raises InputError."""
+    origin = _origin_of(document)
     section = document.values.get('venue')
-    if not isinstance(section, dict):
+    if not isinstance(section, dict) or 'file' not in section:
         return
-    if 'file' not in section:
-        _refuse_late_origin(document)
-        return
-    from dragon_ros.scenes.venue_files import venue_values
-    name, origin = section.pop('file'), section.pop('origin_deg', None)
+    from dragon_ros.scenes.georeference import own_origin
+    from dragon_ros.scenes.maps import read_drawing
+    from dragon_ros.scenes.venue_files import venue_of
+    name = section.pop('file')
     if not isinstance(name, str):
         document.refuse('venue.file', f'{shown(name)} is not a file name; write for example street.geojson')
-    if origin is not None and not (_is_pair(origin) and all(type(one) in (int, float) for one in origin)):
-        document.refuse('venue.origin_deg', f'{shown(origin)} is not a position; write [longitude, latitude]')
-    drawn = venue_values(folder / name, None if origin is None else (float(origin[0]), float(origin[1])))
+    drawing = read_drawing(folder / name)
+    if origin is None:
+        own = own_origin(str(drawing.path), [one.geometry for one in drawing.features], drawing.crs)
+        if own is not None:
+            document.refuse('venue.file', f'{name} lies on a map, and the scene does not say where its track is; give '
+                                          f'the place of (0, 0), for example the middle of the file: {_yaml(own)}')
+    drawn = venue_of(drawing, origin).values
     for key in drawn.keys() & section.keys():
         if drawn[key]:
             document.refuse(f'venue.{key}', f'{name} defines it too; remove one of them')
     document.values['venue'] = {**drawn, **section}
 
 
-def _refuse_late_origin(document: Document) -> None:
-    """Reject an origin from an option or a change if the venue file has already been projected about another origin."""
-    place = document.places.get('venue.origin_deg', '')
-    if 'venue.file' in document.places and place and not place.startswith(f'{document.name}:') and (
-            document.values['venue'].get('origin_deg') is not None):
-        document.refuse('venue.origin_deg', 'the venue file was projected about its own origin; set origin_deg next to '
-                                            'venue.file')
+def _yaml(origin: Origin) -> str:
+    """Return an origin as a line of a scene file."""
+    given = {'lon_lat_deg': origin.lon_lat_deg, 'map_m': origin.map_m, 'crs': origin.crs}
+    return 'origin: {' + ', '.join(f'{key}: {_plain(value)}' for key, value in given.items() if value is not None) + '}'
+
+
+def _origin_of(document: Document) -> Origin | None:
+    """Return the origin of a document; the older key ``venue.origin_deg`` is moved to the section ``origin``."""
+    venue = document.values.get('venue')
+    if isinstance(venue, dict) and 'origin_deg' in venue:
+        old = venue.pop('origin_deg')
+        if old is not None:
+            _check_same(document, 'venue.origin_deg', {'lon_lat_deg': old})
+            document.values['origin'] = {'lon_lat_deg': old}
+            document.places['origin'] = document.places.get('venue.origin_deg', document.name)
+        elif not document.place('venue.origin_deg').startswith(f'{document.name}:'):
+            document.values['origin'] = None
+    if document.values.get('origin') is None:
+        return None
+    try:
+        origin: Origin = _build(document, 'origin', SECTIONS['origin'])
+    except FieldError as error:
+        raise _placed(document, error) from None
+    return origin
+
+
+def _check_same(document: Document, key: str, other: Any) -> None:
+    """Raise InputError if a scene with an origin is given another one."""
+    before = document.values.get('origin')
+    if before is not None and _given(before) != _given(other):
+        document.refuse(key, f'{shown(other)} differs from the origin of the scene, {shown(before)}, about which its '
+                             'track and its venue were made; a scene has one origin')
+
+
+def _given(section: Any) -> Any:
+    """Return a section without the keys that are None."""
+    return {key: one for key, one in section.items() if one is not None} if isinstance(section, dict) else section
 
 
 def _scene_with_plugin(document: Document) -> Scene:
     """Return the scene of a user's document, which may name a custom head law.
 
-    The path of a venue file in an option or a change is relative to the working directory.
+    The path of a venue file in a change is relative to the working directory.
     """
     _take_file(document, Path())
     if document.section('head').get('kind') == PLUGIN:
@@ -128,16 +232,30 @@ def changed_scene(name_or_file: str, changes: Mapping[str, Any]) -> Scene:
     Keys of a section are changed one by one; if the kind changes, the section's other keys are dropped. Raises an
     InputError that names the key.
     """
-    document = _read(name_or_file)
+    path = _find(name_or_file)
+    document = read_document(path)
+    _change(document, {key: value for key, value in changes.items() if key == 'origin' and value is not None})
+    venue = changes.get('venue', {})
+    if venue is not None and not (isinstance(venue, Mapping) and 'file' in venue):
+        _take_file(document, path.parent)
+    elif isinstance(document.values.get('venue'), dict):
+        document.values['venue'].pop('file', None)
+    _change(document, changes)
+    return _scene_with_plugin(document)
+
+
+def _change(document: Document, changes: Mapping[str, Any]) -> None:
     for key, value in changes.items():
         old = document.values.get(key, {})
+        if key == 'origin' and isinstance(value, Mapping):
+            _origin_of(document)
+            _check_same(document, 'origin', _as_lists(value))
         if isinstance(value, Mapping) and isinstance(old, dict):
             kinds = [section.get('kind', next(iter(SECTIONS.get(key, {'': None})))) for section in (old, value)]
             kept = old if 'kind' not in value or kinds[0] == kinds[1] else {}
             document.places |= {f'{key}.{name}': 'changes' for name in value}
             value = {**kept, **value}
         document.values[key], document.places[key] = _as_lists(value), 'changes'
-    return _scene_with_plugin(document)
 
 
 def _as_lists(value: Any) -> Any:
@@ -201,6 +319,7 @@ def _settings(document: Document) -> Scene:
         document.refuse('head.kind', 'custom head laws are loaded only from scene files, not from bags or topics')
     if isinstance(document.values.get('venue'), dict) and 'file' in document.values['venue']:
         document.refuse('venue.file', 'venue files are read only for scene files, not for bags or topics')
+    _origin_of(document)
     document.check_keys('', document.values, (*SECTIONS, *SINGLES, ABOUT))
     try:
         values = document.values
@@ -345,6 +464,7 @@ def _override(document: Document, text: str) -> None:
     parsed = parse_document(place, f'value: {value}').values.get('value')
     *sections, last = key.split('.')
     target: Any = document.values
+    origin = deepcopy(document.values.get('origin')) if key.partition('.')[0] == 'origin' else None
     for section in sections:
         target = _below(target, section, place, key)
     if isinstance(target, list):
@@ -352,6 +472,10 @@ def _override(document: Document, text: str) -> None:
     else:
         target[last] = parsed
     document.places[key] = place
+    if origin is not None and document.values['origin'] is not None:
+        now, document.values['origin'] = document.values['origin'], origin
+        _check_same(document, key, now)
+        document.values['origin'] = now
 
 
 def _below(target: Any, section: str, place: str, key: str) -> Any:

@@ -27,10 +27,9 @@ _PLAIN: dict[Any, Schema] = {int: {'type': 'integer'}, float: {'type': 'number'}
 _POINTS: Schema = {'anyOf': [{'type': 'array', 'minItems': 2, 'items': {
     'type': 'array', 'prefixItems': [{'type': 'number'}] * 2, 'items': False, 'minItems': 2}}, {'type': 'string'}]}
 _VENUE_FILE: Schema = {
-    'file': {'description': 'GeoJSON or WKT file with the obstacles and the inside, relative to this file',
+    'file': {'description': 'map with the obstacles and the inside, relative to this file',
              'type': 'string', 'default': None},
-    'origin_deg': {'description': 'longitude and latitude of the origin (by default the centre, if the file is in '
-                                  'degrees)',
+    'origin_deg': {'description': 'the older form of origin.lon_lat_deg',
                    'type': ['array', 'null'], 'items': {'type': 'number'}, 'minItems': 2, 'maxItems': 2,
                    'default': None}}
 _PLUGIN: Schema = {

@@ -1,290 +1,230 @@
-"""Read venues and drawings from GeoJSON, where degrees are projected to metres, or from WKT in metres.
+"""Read the obstacles of a venue from a map, and the boundary: a polygon named ``inside``.
 
-The property ``name`` of a feature is its name. Benches must stay in the polygon named ``inside``. Coordinates in
-GeoJSON are degrees (RFC 7946) unless the file has ``"units": "m"`` at its top level, or a ``crs`` member as in the
-older specification.
+In a map with OpenStreetMap's tags, buildings, water, barriers and the like are obstacles, and streets are not. In any
+other map, all polygons and lines are obstacles. The property ``name`` of a feature is its name; repeated names are
+numbered.
 """
-import json
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from dragon_ros.core.errors import FieldError, InputError, MissingError, shown
-from dragon_ros.core.limits import VENUE_BYTES
-from dragon_ros.core.venue import INSIDE
+import numpy as np
 
-_DEGREES = ('OGC:1.3:CRS84', 'OGC::CRS84', 'EPSG::4326', 'EPSG:4326', 'CRS84')
-_FAR_M = 100_000.0      # at this distance from the origin, the projection stretches lengths by 0.012 %
-_SHOWN = {'Point': 'draw it as a small polygon', 'MultiPoint': 'draw each as a small polygon'}
+from dragon_ros.core.errors import InputError
+from dragon_ros.core.venue import INSIDE, Origin
+from dragon_ros.scenes.georeference import WORLD_M, placed, unbounded
+from dragon_ros.scenes.maps import Drawing, Feature, read_drawing
+
+# Keys of OpenStreetMap whose areas, or lines, block the way.
+_BLOCKS = ('building', 'building:part', 'barrier', 'man_made', 'historic', 'waterway', 'water', 'power', 'advertising',
+           'shop', 'tourism')
+_BLOCKING = {('natural', 'water'), ('natural', 'cliff'), ('natural', 'tree_row'), ('amenity', 'fountain'),
+             ('leisure', 'swimming_pool'), ('landuse', 'basin'), ('amenity', 'shelter'), ('amenity', 'kiosk'),
+             ('railway', 'platform'), ('public_transport', 'platform')}
+_OTHERS = ('highway', 'landuse', 'leisure', 'natural', 'amenity', 'railway', 'boundary', 'place', 'route',
+           'public_transport', 'area:highway', 'emergency', 'aeroway', 'office', 'type')
+_NO_BARRIER = ('kerb', 'entrance', 'gate', 'lift_gate', 'toll_booth', 'cattle_grid', 'border_control')
+_LEAST_M2 = 1e-6        # smaller polygons, such as three points on a line, have no extent
+_LONGEST_NAME = 80
 
 
 @dataclass(frozen=True)
-class Feature:
-    """A named shapely geometry, in metres."""
+class Found:
+    """The obstacles and the inside of a map, laid out as in a scene file, and notes on what was left out or changed."""
 
-    name: str | None
-    geometry: Any
-
-
-@dataclass(frozen=True)
-class Drawing:
-    """The features of a file, and the longitude and latitude of its origin, or None if unknown."""
-
-    features: tuple[Feature, ...]
-    origin_deg: tuple[float, float] | None = None
+    values: dict[str, Any]
+    notes: tuple[str, ...]
 
 
-def read_drawing(path: Path, origin_deg: tuple[float, float] | None = None) -> Drawing:
-    """Return the features of a GeoJSON (``.geojson``, ``.json``) or WKT (``.wkt``, one per line) file, in metres.
+def venue_values(path: Path, origin: Origin | None = None) -> dict[str, Any]:
+    """Return the obstacles and the inside of a map, in metres about an origin, laid out as in a scene file.
 
-    Degrees are converted to metres east and north of ``origin_deg`` (longitude, latitude), by default the centre of the
-    drawing. Coordinates in metres are not changed; ``origin_deg`` is then the position of (0, 0). Raises MissingError
-    if the file cannot be read, and InputError if it is invalid.
+    Raises the errors of ``read_drawing`` and ``placed``.
     """
-    text = _text_of(path)
-    if path.suffix.lower() == '.wkt':
-        return Drawing(tuple(_wkt_features(path, text)), origin_deg)
-    if path.suffix.lower() not in ('.geojson', '.json'):
-        raise InputError(f'{path}: the suffix is not .geojson, .json or .wkt; rename the file')
-    return _geojson(path, text, origin_deg)
+    return venue_of(read_drawing(path), origin).values
 
 
-def venue_values(path: Path, origin_deg: tuple[float, float] | None = None) -> dict[str, Any]:
-    """Return the obstacles, inside and origin of a file, laid out as in a scene file.
+def venue_of(drawing: Drawing, origin: Origin | None, near: Any = None) -> Found:
+    """Return the obstacles and the inside of a map.
 
-    Raises the same errors as ``read_drawing``.
+    ``near`` is a shapely geometry in metres; obstacles that do not touch it are left out. Raises InputError.
     """
-    obstacles: list[dict[str, Any]] = []
-    out: dict[str, Any] = {}
-    drawing = read_drawing(path, origin_deg)
-    if drawing.origin_deg is not None:
-        out['origin_deg'] = [*drawing.origin_deg]
-    for n, feature in enumerate(drawing.features, 1):
-        if feature.name is not None and feature.name.strip().lower() == INSIDE:
-            if 'inside' in out:
-                raise InputError(f'{path}: two features are named {INSIDE}; keep one')
-            out['inside'], holes = _inside(path, feature.geometry)
-            obstacles += holes
+    kept, counts = _sorted(drawing)
+    if not kept:
+        raise InputError(f'{drawing.path}: it contains no obstacle{_in_brackets(counts)}; draw polygons, lines, or a '
+                         f'polygon named {INSIDE}')
+    geometries, far = _placed(drawing, kept, origin, near)
+    builder = _Builder(drawing.path)
+    for feature, geometry in zip(kept, geometries, strict=True):
+        if geometry is not None:
+            builder.add(feature, geometry)
+    counts += builder.dropped
+    notes = [f'not obstacles: {_summary(counts)}'] if counts else []
+    notes += [far] if far else []
+    notes += [f'repaired: {builder.repaired} outlines that cross themselves'] if builder.repaired else []
+    return Found(builder.values, tuple(f'{drawing.path.name}: {note}' for note in notes))
+
+
+def has_obstacles(drawing: Drawing) -> bool:
+    """Return whether a map with the line of a track also holds polygons or walls that are obstacles."""
+    return any(_is_area(one) or 'barrier' in one.tags for one in _sorted(drawing)[0])
+
+
+def without_lines(drawing: Drawing) -> Drawing:
+    """Return a map with the line of a track without its lines, except barriers."""
+    return Drawing(drawing.path, tuple(one for one in drawing.features if _is_area(one) or 'barrier' in one.tags),
+                   drawing.crs, drawing.left_out)
+
+
+def _is_area(feature: Feature) -> bool:
+    return any(part.geom_type == 'Polygon' for part in _parts(feature.geometry))
+
+
+def _sorted(drawing: Drawing) -> tuple[list[Feature], Counter[str]]:
+    """Return the features that are obstacles, and counts of the others by kind."""
+    kept, counts = list[Feature](), Counter(drawing.left_out)
+    is_osm = any(key in one.tags for one in drawing.features for key in (*_BLOCKS[:3], *_OTHERS[:5]))
+    for one in drawing.features:
+        if all(part.geom_type == 'Point' for part in _parts(one.geometry)):
+            counts['points'] += 1
+        elif is_osm and not _blocks(one):
+            counts[next((key for key in (*_BLOCKS, *_OTHERS) if key in one.tags), 'features without a kind')] += 1
         else:
-            obstacles += _obstacles(path, feature.name or f'obstacle {n}', feature.geometry)
-    return {**out, 'obstacles': obstacles}
+            kept.append(one)
+    return kept, counts
 
 
-def _text_of(path: Path) -> str:
-    try:
-        with path.open('rb') as file:
-            data = file.read(VENUE_BYTES + 1)
-        if len(data) > VENUE_BYTES:
-            raise InputError(f'{path}: it is too large; the limit for a venue is {VENUE_BYTES} bytes; keep only the '
-                             'surroundings of the track')
-        return data.decode()
-    except OSError as error:
-        raise MissingError(f'{path}: cannot be read: {error.strerror}') from None
-    except ValueError as error:
-        why = 'it is not UTF-8 text' if isinstance(error, UnicodeDecodeError) else str(error)
-        raise MissingError(f'{shown(str(path))[1:-1]}: cannot be read: {why}') from None
+def _blocks(feature: Feature) -> bool:
+    tags = feature.tags
+    if (feature.name or '').strip().lower() == INSIDE:
+        return True
+    if tags.get('barrier', '') in _NO_BARRIER or tags.get('building') == 'no' or tags.get('tunnel') == 'yes':
+        return False
+    if 'barrier' not in tags and not _is_area(feature) and 'waterway' not in tags and (
+            tags.get('natural') not in ('cliff', 'tree_row')):
+        return False
+    if 'historic' in tags and not _is_area(feature):
+        return False
+    return any(key in tags for key in _BLOCKS) or any(tags.get(key) == value for key, value in _BLOCKING)
 
 
-def _inside(path: Path, geometry: Any) -> tuple[list[list[float]], list[dict[str, Any]]]:
-    """Return the outer ring of the inside, and its holes as obstacles."""
-    parts = list(_parts(geometry))
-    if len(parts) != 1 or parts[0].geom_type != 'Polygon':
-        raise InputError(f'{path}: {INSIDE}: it is a {geometry.geom_type} of {len(parts)} parts, not one polygon; join '
-                         'its parts into one')
-    ring, *holes = _rings(path, INSIDE, parts[0])
-    return ring, [{'kind': 'polygon', 'name': f'hole {n} of {INSIDE}', 'points_m': hole}
-                  for n, hole in enumerate(holes, 1)]
+def _placed(drawing: Drawing, kept: list[Feature], origin: Origin | None, near: Any) -> tuple[list[Any], str]:
+    """Return the features in metres, None for those that are not near the track, and a note on these.
+
+    Raises InputError if nothing is within 10 km of the track.
+    """
+    from shapely import bounds, box, distance
+    where, geometries = str(drawing.path), [one.geometry for one in kept]
+    if near is None or (drawing.crs is None and (origin is None or origin.map_m is None)):
+        out = placed(where, geometries, drawing.crs, origin)
+    else:
+        out = unbounded(where, geometries, drawing.crs, origin)
+    if near is None:
+        return out, ''
+    around = bounds(out)
+    away_m = np.where(np.all(np.isfinite(around), axis=1), distance(box(*around.T), near), np.inf)
+    if np.min(away_m) > WORLD_M:
+        raise InputError(f'{where}: it lies {np.min(away_m) / 1000:.4g} km from the track; the limit is '
+                         f'{WORLD_M / 1000:g} km; check the origin ({origin}), and which map belongs to the track',
+                         field='origin')
+    is_kept = (away_m == 0) | [(one.name or '').strip().lower() == INSIDE for one in kept]
+    nearest = f' (the nearest is {np.min(away_m):.0f} m away)' if not np.any(is_kept) else ''
+    note = f'left out: {int(np.sum(~is_kept))} obstacles far from the track{nearest}' if not np.all(is_kept) else ''
+    return [one if is_one else None for one, is_one in zip(out, is_kept, strict=True)], note
 
 
-def _obstacles(path: Path, name: str, geometry: Any) -> list[dict[str, Any]]:
-    """Return a feature as obstacles, one per part; several parts are numbered."""
-    parts = list(_parts(geometry))
-    if not parts:
-        raise InputError(f'{path}: {name}: it is empty; draw it or remove it')
-    names = [name] if len(parts) == 1 else [f'{name} {n}' for n in range(1, len(parts) + 1)]
-    return [_obstacle(path, *one) for one in zip(names, parts, strict=True)]
+def _in_brackets(counts: Counter[str]) -> str:
+    return f' (not obstacles: {_summary(counts)})' if counts else ''
 
 
-def _obstacle(path: Path, name: str, part: Any) -> dict[str, Any]:
-    if part.is_empty:
-        raise InputError(f'{path}: {name}: it is empty; draw it or remove it')
-    if part.geom_type == 'Polygon':
-        ring, *holes = _rings(path, name, part)
-        return {'kind': 'polygon', 'name': name, 'points_m': ring, **({'holes_m': holes} if holes else {})}
-    if part.geom_type in ('LineString', 'LinearRing'):
-        return {'kind': 'line', 'name': name, 'points_m': _points(part)}
-    raise InputError(f'{path}: {name}: a {part.geom_type} has no extent; {_SHOWN.get(part.geom_type, "remove it")}')
+def _summary(counts: Counter[str]) -> str:
+    """Return counts by kind in one line; the most frequent kinds come first."""
+    listed = [f'{count} {what}' for what, count in counts.most_common(12)]
+    more = sum(count for _, count in counts.most_common()[12:])
+    return ', '.join([*listed, *([f'{more} others'] if more else [])])
+
+
+class _Builder:
+    """Collects obstacles with unique names."""
+
+    def __init__(self, path: Path) -> None:
+        self.path, self.repaired = path, 0
+        self.values: dict[str, Any] = {'obstacles': []}
+        self.dropped = Counter[str]()
+        self._names = Counter[str]()
+
+    def add(self, feature: Feature, geometry: Any) -> None:
+        """Add a feature as the inside, or as obstacles, one per part."""
+        name = (feature.name or '').strip()
+        if name.lower() == INSIDE:
+            self._inside(geometry)
+            return
+        usable = [part for whole in _parts(geometry) for part in self._usable(whole)]
+        for n, part in enumerate(usable, 1):
+            self._obstacle((name or f'obstacle {len(self.values["obstacles"]) + 1}') + (
+                f' {n}' if len(usable) > 1 else ''), part)
+
+    def _usable(self, part: Any) -> Iterator[Any]:
+        """Yield a part, repaired if its outline crosses itself, without points and parts without extent."""
+        from shapely import is_valid, make_valid
+        if part.geom_type == 'Polygon' and not is_valid(part):
+            self.repaired += 1
+            pieces = [one for one in _parts(make_valid(part)) if one.geom_type == 'Polygon']
+        else:
+            pieces = [part]
+        for one in pieces:
+            if (one.geom_type == 'Polygon' and one.area > _LEAST_M2) or (
+                    one.geom_type in ('LineString', 'LinearRing') and one.length > 0):
+                yield one
+            else:
+                self.dropped['points' if one.geom_type == 'Point' else 'without extent'] += 1
+
+    def _obstacle(self, name: str, part: Any) -> None:
+        whole = _printable(name)
+        self._names[whole] += 1
+        unique = whole if self._names[whole] == 1 else f'{whole} {self._names[whole]}'
+        while unique != whole and unique in self._names:
+            self._names[whole] += 1
+            unique = f'{whole} {self._names[whole]}'
+        self._names[unique] += unique != whole
+        if part.geom_type == 'Polygon':
+            ring, *holes = [_points(one) for one in (part.exterior, *part.interiors)]
+            one = {'kind': 'polygon', 'name': unique, 'points_m': ring, **({'holes_m': holes} if holes else {})}
+        else:
+            one = {'kind': 'line', 'name': unique, 'points_m': _points(part)}
+        self.values['obstacles'].append(one)
+
+    def _inside(self, geometry: Any) -> None:
+        if 'inside' in self.values:
+            raise InputError(f'{self.path}: two features are named {INSIDE}; keep one')
+        parts = list(_parts(geometry))
+        if len(parts) != 1 or parts[0].geom_type != 'Polygon':
+            raise InputError(f'{self.path}: {INSIDE}: it is a {geometry.geom_type} of {len(parts)} parts, not one '
+                             'polygon; join its parts into one')
+        self.values['inside'], *holes = [_points(one) for one in (parts[0].exterior, *parts[0].interiors)]
+        self.values['obstacles'] += [{'kind': 'polygon', 'name': f'hole {n} of {INSIDE}', 'points_m': hole}
+                                     for n, hole in enumerate(holes, 1)]
+
+
+def _printable(name: str) -> str:
+    """Return a name as the venue accepts it: printable, on one line, not too long."""
+    text = ' '.join(''.join(letter if letter.isprintable() else ' ' for letter in name).split())
+    return text[:_LONGEST_NAME] or 'obstacle'
 
 
 def _parts(geometry: Any) -> Iterator[Any]:
-    for part in getattr(geometry, 'geoms', [geometry]):
+    parts: Iterable[Any] = getattr(geometry, 'geoms', [geometry])
+    for part in parts:
         if hasattr(part, 'geoms'):
             yield from _parts(part)
         else:
             yield part
 
 
-def _rings(path: Path, name: str, polygon: Any) -> list[list[list[float]]]:
-    if polygon.is_empty:
-        raise InputError(f'{path}: {name}: it is empty; draw it or remove it')
-    return [_points(ring) for ring in (polygon.exterior, *polygon.interiors)]
-
-
 def _points(line: Any) -> list[list[float]]:
-    """Return the points of a line in the plane, without heights."""
+    """Return the points of a line in the plane."""
     from shapely import get_coordinates
     found: list[list[float]] = get_coordinates(line).tolist()
     return found
-
-
-def _wkt_features(path: Path, text: str) -> Iterator[Feature]:
-    """Yield the features from lines such as ``fountain: POLYGON ((0 0, 1 0, 1 1))``; # starts a comment."""
-    import numpy as np
-    from shapely import from_wkt
-    from shapely.errors import ShapelyError
-    for number, line in enumerate(text.splitlines(), 1):
-        content = line.strip()
-        if not content or content.startswith('#'):
-            continue
-        name, colon, wkt = content.partition(':')
-        name, wkt = (name.strip(), wkt.strip()) if colon else ('', content)
-        try:
-            with np.errstate(invalid='ignore'):     # shapely warns of nan, which is rejected later
-                yield Feature(name or None, from_wkt(wkt))
-        except (ShapelyError, ValueError, NotImplementedError) as error:
-            raise InputError(f'{path}:{number}: it is not WKT: {str(error).partition(chr(10))[0]}; write for example '
-                             'fountain: POLYGON ((0 0, 4 0, 4 3))') from None
-
-
-def _geojson(path: Path, text: str, origin_deg: tuple[float, float] | None) -> Drawing:
-    try:
-        values = json.loads(text, parse_constant=_no_number)
-    except (ValueError, RecursionError) as error:
-        raise InputError(f'{path}: it is not GeoJSON: {str(error)[:160]}') from None
-    if not isinstance(values, dict):
-        raise InputError(f'{path}: it is not GeoJSON: its top level is not an object')
-    features = tuple(_features(path, values))
-    if not features:
-        raise InputError(f'{path}: it is empty; draw obstacles, or a polygon named {INSIDE}')
-    crs = _crs(path, values)
-    if crs is None:
-        return Drawing(features, origin_deg)
-    return _projected(path, features, crs, origin_deg)
-
-
-def _no_number(text: str) -> Any:
-    raise ValueError(f'{text} is not a finite number; draw that point again')
-
-
-def _features(path: Path, values: dict[str, Any]) -> Iterator[Feature]:
-    if values.get('type') == 'FeatureCollection':
-        listed = values.get('features')
-        if not isinstance(listed, list):
-            raise InputError(f'{path}: it is not GeoJSON: "features" is not a list')
-        for one in listed:
-            if not isinstance(one, dict):
-                raise InputError(f'{path}: it is not GeoJSON: a feature is not an object')
-            yield from _features(path, one)
-    elif values.get('type') == 'Feature':
-        properties = values.get('properties')
-        named = properties.get('name') if isinstance(properties, dict) else None
-        name = named if isinstance(named, str) and named.strip() else values.get('id')
-        yield Feature(None if name is None else str(name), _geometry(path, name, values.get('geometry')))
-    else:
-        yield Feature(None, _geometry(path, None, values))
-
-
-def _geometry(path: Path, name: object, values: Any) -> Any:
-    from shapely.errors import ShapelyError
-    from shapely.geometry import shape
-    label = f'{path}: {shown(name)[1:-1]}' if isinstance(name, str) else f'{path}'
-    if values is None:
-        raise InputError(f'{label}: a feature has no geometry; draw it or remove it')
-    try:
-        return shape(values)
-    except (ShapelyError, ValueError, TypeError, AttributeError, LookupError) as error:
-        why = str(error).partition('\n')[0][:160] or 'no geometry'
-        raise InputError(f'{label}: it is not GeoJSON: {why}') from None
-
-
-def _crs(path: Path, values: dict[str, Any]) -> str | None:
-    """Return the coordinate reference system, or None for local metres."""
-    units = values.get('units')
-    if units is not None and units not in ('m', 'degrees'):
-        raise InputError(f'{path}: units: {shown(units)} is neither "m" nor "degrees"')
-    if units == 'm':
-        return None
-    given = values.get('crs')
-    name = given.get('properties', {}).get('name') if isinstance(given, dict) and isinstance(
-        given.get('properties'), dict) else None
-    if given is not None and not isinstance(name, str):
-        raise InputError(f'{path}: crs: it names no reference system; remove it, or write "units": "m" for metres')
-    return 'OGC:CRS84' if name is None or name.endswith(_DEGREES) else str(name)
-
-
-def _projected(path: Path, features: tuple[Feature, ...], crs: str,
-               origin_deg: tuple[float, float] | None) -> Drawing:
-    """Return features in metres east and north of an origin, using the transverse Mercator projection about it."""
-    import numpy as np
-    from shapely import get_coordinates, transform
-    every = np.concatenate([get_coordinates(one.geometry) for one in features])
-    if not every.size or not np.all(np.isfinite(every)):
-        raise InputError(f'{path}: a coordinate is missing or not a finite number; draw that point again')
-    if crs == 'OGC:CRS84' and not (np.all(np.abs(every[:, 0]) <= 180) and np.all(np.abs(every[:, 1]) < 90)):
-        raise InputError(f'{path}: its coordinates are not degrees (longitude, latitude); if they are metres, write '
-                         '"units": "m" at its top level')
-    try:
-        from pyproj import Transformer
-        from pyproj.exceptions import ProjError
-    except ImportError:
-        raise MissingError(f"{path}: converting degrees to metres requires pyproj; pip install 'dragon_ros[maps]' or "
-                           'pip install pyproj; or, if they are metres, write "units": "m" at its top level') from None
-    try:
-        to_degrees = Transformer.from_crs(crs, 'OGC:CRS84', always_xy=True)
-        degrees = np.stack(to_degrees.transform(*every.T), axis=1)
-        lon, lat = origin_deg or (0.5 * (degrees.min(axis=0) + degrees.max(axis=0))).tolist()
-        project = Transformer.from_crs(crs, _plane((lon, lat)), always_xy=True)
-
-        def metres(points: Any) -> Any:
-            return np.stack(project.transform(*points[:, :2].T), axis=1)
-
-        moved = tuple(Feature(one.name, transform(one.geometry, metres)) for one in features)
-    except ProjError as error:
-        raise InputError(f'{path}: crs: {shown(crs)} cannot be projected: {str(error)[:160]}') from None
-    if not all(np.all(np.isfinite(get_coordinates(one.geometry))) for one in moved):
-        raise FieldError(f'{path}', crs, 'a coordinate lies outside this reference system', 'check the crs of the file')
-    far_m = max(float(np.max(np.abs(get_coordinates(one.geometry)), initial=0.0)) for one in moved)
-    if far_m > _FAR_M:
-        raise InputError(f'{path}: it reaches {far_m / 1000:.4g} km from its origin ({lon:g}, {lat:g}), and lengths '
-                         f'are accurate only up to {_FAR_M / 1000:g} km; give an origin near the drawing, or a smaller '
-                         'part of the map')
-    return Drawing(moved, (lon, lat))
-
-
-def degrees_of(geometry: Any, origin_deg: tuple[float, float]) -> Any:
-    """Convert a shapely geometry from metres about an origin to longitude and latitude.
-
-    Degrees are rounded to 1e-10 (10 um). Raises MissingError if pyproj is not installed.
-    """
-    import numpy as np
-    from shapely import transform
-    try:
-        from pyproj import Transformer
-    except ImportError:
-        raise MissingError("venue.origin_deg: converting metres to degrees requires pyproj; pip install "
-                           "'dragon_ros[maps]' or pip install pyproj; or omit the origin (--set "
-                           'venue.origin_deg=null) to keep metres') from None
-    project = Transformer.from_crs(_plane(origin_deg), 'OGC:CRS84', always_xy=True)
-
-    def degrees(points: Any) -> Any:
-        return np.round(np.stack(project.transform(*points.T), axis=1), 10)
-
-    return transform(geometry, degrees)
-
-
-def _plane(origin_deg: tuple[float, float]) -> Any:
-    """Return the transverse Mercator projection about an origin."""
-    from pyproj import CRS
-    lon, lat = origin_deg
-    return CRS.from_proj4(f'+proj=tmerc +lat_0={lat!r} +lon_0={lon!r} +k=1 +datum=WGS84 +units=m')

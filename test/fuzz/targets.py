@@ -6,6 +6,7 @@ import os
 import socket
 import struct
 import threading
+import zipfile
 import zlib
 from collections import deque
 from collections.abc import Callable, Iterator
@@ -409,7 +410,7 @@ def drawing(folder: Path) -> Target:
                 along(svg_line(svg, None, (0.1, False)).parts, 3.0, 1.5, 0.5)
             elif data[:1] == b'C':
                 csv.write_bytes(data[1:])
-                along(csv_line(csv, 1.0).parts, 3.0, 1.5, 0.5)
+                along(csv_line(csv, 1.0).placed(None).parts, 3.0, 1.5, 0.5)
             else:
                 read_path(data[1:])
     curves = (b'S<svg width="9mm" viewBox="0 0 9 9"><g transform="scale(9)">'
@@ -418,6 +419,44 @@ def drawing(folder: Path) -> Target:
              + bytes(80)]
     return Target(seeds, run, (b'nan', b'1e400', b'<g>', b'<use href="#a"/>', b'rotate(1e99)', b'z', b'M', b'\xff',
                                b'S', b'C'))
+
+
+def map_file(folder: Path) -> Target:
+    """Maps for ``route``: a byte that selects the format, followed by GeoJSON, WKT, GPX, KML, KMZ or OSM."""
+    from dragon_ros.scenes.drawings import map_line
+    from dragon_ros.scenes.georeference import own_origin
+    from dragon_ros.scenes.maps import read_drawing
+    from dragon_ros.scenes.venue_files import venue_of
+    suffixes = {b'J': 'geojson', b'W': 'wkt', b'G': 'gpx', b'K': 'kml', b'Z': 'kmz', b'O': 'osm'}
+
+    def run(data: bytes) -> None:
+        path = folder / f'a.{suffixes.get(data[:1], "geojson")}'
+        path.write_bytes(data[1:])
+        with suppress(DragonError):
+            drawing = read_drawing(path)
+            origin = own_origin('a', [one.geometry for one in drawing.features], drawing.crs)
+            with suppress(DragonError):
+                venue_of(drawing, origin)
+            map_line(drawing, None).placed(origin)
+    kml = (b'<kml><Document><Placemark><name>a</name><MultiGeometry><LineString><coordinates>9,48,0 9.001,48 9.001,48.1'
+           b'</coordinates></LineString><Polygon><outerBoundaryIs><LinearRing><coordinates>9,48 9.1,48 9.1,48.1 9,48'
+           b'</coordinates></LinearRing></outerBoundaryIs></Polygon></MultiGeometry></Placemark></Document></kml>')
+    packed = io.BytesIO()
+    with zipfile.ZipFile(packed, 'w', zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr('doc.kml', kml)
+    seeds = [
+        b'J{"type":"FeatureCollection","features":[{"type":"Feature","properties":{"name":"a","building":"yes"},'
+        b'"geometry":{"type":"Polygon","coordinates":[[[9,48],[9.1,48],[9.1,48.1],[9,48]]]}},{"type":"Feature",'
+        b'"properties":null,"geometry":{"type":"MultiLineString","coordinates":[[[9,48],[9.1,48]],[[9.1,48],[9.2,49]]]}}]}',
+        b'Wa: LINESTRING (0 0, 60 0, 60 50)\nb: POLYGON ((0 0, 4 0, 4 3))\n',
+        b'G<gpx><trk><name>a</name><trkseg><trkpt lat="48" lon="9"/><trkpt lat="48.001" lon="9"/></trkseg></trk></gpx>',
+        b'K' + kml, b'Z' + packed.getvalue(),
+        b'O<osm><node id="1" lat="48" lon="9"/><node id="2" lat="48" lon="9.1"/><node id="3" lat="48.1" lon="9"/><way '
+        b'id="4"><nd ref="1"/><nd ref="2"/><nd ref="3"/><nd ref="1"/><tag k="building" v="yes"/></way><way id="5"><nd '
+        b'ref="1"/><nd ref="2"/></way><relation id="6"><member type="way" ref="4" role="outer"/><tag k="type" '
+        b'v="multipolygon"/></relation></osm>']
+    return Target(seeds, run, (b'nan', b'1e400', b'null', b'[]', b'SRID=4326;', b'units: degrees\n', b'"units":"m",',
+                               b'EMPTY', b'<Point>', b'\xff', b'inside', b'<!DOCTYPE a>', b'9', b'-'))
 
 
 def command(folder: Path) -> Target:
@@ -482,7 +521,8 @@ def filters(folder: Path) -> Target:
 TARGETS: dict[str, Callable[[Path], Target]] = {
     'bag': bag, 'mix': mix, 'folder': folder_of_parts, 'scene': scene, 'override': override, 'certificate': certificate,
     'study': study, 'request': request, 'command_line': command_line, 'workbook': workbook, 'message': message,
-    'obstacles': obstacles, 'command': command, 'drawing': drawing, 'filters': filters}
+    'obstacles': obstacles, 'command': command, 'drawing': drawing, 'map': map_file,
+    'filters': filters}
 
 
 @contextlib.contextmanager

@@ -9,6 +9,7 @@ from dragon_ros.core.errors import DragonError
 from dragon_ros.core.limits import XML_DEPTH
 from dragon_ros.core.tracks.drawn import Cubic, EllipseArc
 from dragon_ros.scenes.drawings import csv_line, map_line, metres_a_unit, svg_line
+from dragon_ros.scenes.maps import read_drawing
 
 HEAD = ('<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape" '
         'width="200mm" height="100mm" viewBox="0 0 400 200">')
@@ -119,11 +120,11 @@ def test_an_svg_without_metres_asks_for_them(tmp_path):
 
 
 @pytest.mark.parametrize('text', ['x,y\n0,0\n1.5,2\n', '0;0\n1.5;2\n', '0 0\n1.5 2',
-                                  '# a note\nname\tx_m\ty_m\na\t0\t0\nb\t1.5\t2\n'])
+                                  '# a note\nname\tx\ty\na\t0\t0\nb\t1.5\t2\n'])
 def test_csv_is_read_with_or_without_a_header(tmp_path, text):
     path = tmp_path / 'a.csv'
     path.write_text(text)
-    (part,) = csv_line(path, 2.0).parts
+    (part,) = csv_line(path, 2.0).placed(None).parts
     assert part.tolist() == [0, 3 + 4j]
 
 
@@ -146,10 +147,10 @@ def test_a_line_of_geojson_is_found_by_its_name(tmp_path):
     features = [{'type': 'Feature', 'properties': {'name': name}, 'geometry': {'type': 'LineString', 'coordinates': at}}
                 for name, at in (('wall', [[0, 0], [9, 0]]), ('way', [[0, 1], [9, 1], [9, 7]]))]
     path.write_text(json.dumps({'type': 'FeatureCollection', 'units': 'm', 'features': features}))
-    (part,) = map_line(path, 'way', None).parts
+    (part,) = map_line(read_drawing(path), 'way').placed(None).parts
     assert part.tolist() == [1j, 9 + 1j, 9 + 7j]
     with pytest.raises(DragonError, match='contains 2 lines .wall, way.'):
-        map_line(path, None, None)
+        map_line(read_drawing(path), None)
 
 
 @pytest.mark.parametrize('scale', ['200', '2:1', '1:0', 'x', '1:-5'])
@@ -165,3 +166,148 @@ def test_a_line_is_walked_the_other_way_when_turned_round(tmp_path):
     for part, reverse in zip(line.parts, back.parts[::-1], strict=True):
         one, other = (p if isinstance(p, np.ndarray) else p.stretch(1e-3).points for p in (part, reverse))
         np.testing.assert_allclose(one, other[::-1], atol=1e-9)
+
+
+def lines_file(tmp_path, *lines, suffix='.geojson', names=None):
+    """Write lines of one name, or of the given names, in metres."""
+    path = tmp_path / f'a{suffix}'
+    path.write_text(json.dumps({'type': 'FeatureCollection', 'units': 'm', 'features': [
+        {'type': 'Feature', 'properties': {'name': name}, 'geometry': {
+            'type': 'MultiLineString' if isinstance(line[0][0], list) else 'LineString', 'coordinates': line}}
+        for name, line in zip(names or ['Market Street'] * len(lines), lines, strict=True)]}))
+    return read_drawing(path)
+
+
+A, B, C = [[0, 0], [60, 0]], [[60, 0], [100, 0]], [[100, 0], [180, 30]]
+
+
+@pytest.mark.parametrize('ways', [(A, B, C), (A, C, B), (A, B[::-1], C), (A, B, C[::-1]), ([A, B, C],), (A, [C, B])])
+def test_ways_of_one_name_that_meet_are_one_line_in_the_direction_of_the_first(tmp_path, ways):
+    line = map_line(lines_file(tmp_path, *ways), 'Market Street')
+    assert [*line.geometry.coords] == [(0, 0), (60, 0), (100, 0), (180, 30)]
+    assert line.notes == ('joined from 3 lines that meet',)
+
+
+def test_a_way_that_is_listed_twice_is_walked_once(tmp_path):
+    line = map_line(lines_file(tmp_path, A, B, A[::-1]), None)
+    assert [*line.geometry.coords] == [(0, 0), (60, 0), (100, 0)]
+    assert line.notes[0] == '1 repeated lines were left out'
+
+
+def test_a_ring_of_ways_begins_where_its_first_way_begins(tmp_path):
+    ring = [[100, 0], [50, 50]], [[50, 50], [0, 0]], [[0, 0], [100, 0]]
+    assert [*map_line(lines_file(tmp_path, *ring), None).geometry.coords] == [(100, 0), (50, 50), (0, 0), (100, 0)]
+
+
+@pytest.mark.parametrize('ways', [(A, C), (A, B, [[60, 0], [60, 40]]), ([A, C],)])
+def test_ways_of_one_name_that_do_not_meet_are_listed_with_their_lengths_and_a_choice(tmp_path, ways):
+    drawing = lines_file(tmp_path, *ways)
+    with pytest.raises(DragonError, match=r"'Market Street' consists of \d lines that do not meet end to end: Market "
+                                          r"Street#1 \(60 m\), .*; choose one, for example --path 'Market Street#1'"):
+        map_line(drawing, 'Market Street')
+    assert [*map_line(drawing, 'Market Street#1').geometry.coords] == [(0, 0), (60, 0)]
+    with pytest.raises(DragonError, match='contains no --path'):
+        map_line(drawing, 'Market Street#9')
+
+
+def test_a_line_is_chosen_by_its_number(tmp_path):
+    drawing = lines_file(tmp_path, A, C, names=['a', 'b'])
+    assert map_line(drawing, '#2').geometry.coords[0] == (100, 0)
+
+
+def test_only_the_line_that_is_chosen_has_to_be_near(tmp_path):
+    pytest.importorskip('pyproj')
+    path = tmp_path / 'a.geojson'
+    path.write_text(json.dumps({'type': 'FeatureCollection', 'features': [
+        {'type': 'Feature', 'properties': {'name': name}, 'geometry': {'type': kind, 'coordinates': at}}
+        for name, kind, at in (('far', 'LineString', [[-70.0, 10.0], [-70.0, 11.0]]), ('pole', 'Point', [0, 90]),
+                               ('way', 'LineString', [[120.0, 30.0], [120.001, 30.0]]))]}))
+    line = map_line(read_drawing(path), 'way')
+    (part,) = line.placed(line.own_origin()).parts
+    assert abs(part[1] - part[0]) == pytest.approx(96.49, abs=0.01)
+
+
+def test_repeated_ids_in_an_svg_are_numbered_and_refused_without_a_number(tmp_path):
+    path = svg(tmp_path, '<path id="way" d="M 0,0 h 9"/><path id="way" d="M 0,0 h 5"/><path id="b" d="M 0,0 h 5"/>')
+    with pytest.raises(DragonError, match="2 paths have the id 'way'; choose one, for example --path 'way#1'"):
+        svg_line(path, 'way', (1.0, False))
+    (part,) = svg_line(path, 'way#2', (1.0, False)).parts
+    assert abs(part[1] - part[0]) == pytest.approx(5)
+
+
+@pytest.mark.parametrize('page', ['', 'width="200" height="100"', 'width="200px" height="100px"',
+                                  'width="100%" height="100%"', 'width="200mm"'])
+def test_a_scale_needs_a_page_with_a_size_on_paper(tmp_path, page):
+    path = svg(tmp_path, '<path d="M 0,0 h 9"/>', f'<svg xmlns="http://www.w3.org/2000/svg" {page} '
+                                                  'viewBox="0 0 400 200">')
+    with pytest.raises(DragonError, match='does not state the size of its page .*give --unit'):
+        svg_line(path, None, (200.0, True))
+
+
+@pytest.mark.parametrize('value', [
+    'scale(nan)', 'scale(0)', 'scale(1,0)', 'scale(inf)', 'matrix(1 2 2 4 0 0)', 'matrix(1 2 3)', 'skewX(90)',
+    'spin(3)', 'scale(2', 'translate(3,x)', 'scale(2) foo', 'perspective(3)', 'rotate(1,2)', 'scale()',
+    'translate3d(1,2,3)'])
+@pytest.mark.parametrize('where', ['path', 'group'])
+def test_transforms_that_are_unknown_or_flatten_the_drawing_are_refused(tmp_path, value, where):
+    group, path = (f'transform="{value}"' if where == one else '' for one in ('group', 'path'))
+    with pytest.raises(DragonError, match=r'its transform .*(is not valid|has the arguments|flattens)'):
+        svg_line(svg(tmp_path, f'<g {group}><path id="a" {path} d="M 0,0 h 9"/></g>'), None, (1.0, False))
+
+
+@pytest.mark.parametrize('body', ['<rect id="a" width="-9" height="5"/>', '<circle id="a" r="-3"/>',
+                                  '<ellipse id="a" rx="3" ry="-2"/>', '<path id="a" style="transform: scale(2)" '
+                                  'd="M 0,0 h 9"/>', '<svg viewBox="0 0 -9 5"><path id="a" d="M 0,0 h 9"/></svg>'])
+def test_negative_sizes_and_transforms_in_styles_are_refused(tmp_path, body):
+    with pytest.raises(DragonError, match=r'a size is negative|transforms in styles'):
+        svg_line(svg(tmp_path, body), None, (1.0, False))
+
+
+@pytest.mark.parametrize('page', ['width="-200mm" height="100mm"', 'width="200mm" height="-100mm"'])
+def test_a_page_of_negative_size_is_refused(tmp_path, page):
+    path = svg(tmp_path, '<path d="M 0,0 h 9"/>', f'<svg xmlns="http://www.w3.org/2000/svg" {page} '
+                                                  'viewBox="0 0 400 200">')
+    for scale in ((1.0, False), (200.0, True)):
+        with pytest.raises(DragonError, match='a size is negative|does not state the size'):
+            svg_line(path, None, scale)
+
+
+TINY = '8.9481 48.3364,8.9481 48.3374'
+
+
+@pytest.mark.parametrize(('name', 'text'), [('a.wkt', f'way: LINESTRING ({TINY})'), ('a.wkt', f'LINESTRING ({TINY})'),
+                                            ('a.csv', TINY.replace(' ', ';').replace(',', '\n')),
+                                            ('a.csv', 'x;y\n' + TINY.replace(' ', ';').replace(',', '\n'))])
+def test_a_line_that_could_be_in_degrees_has_to_state_its_unit(tmp_path, name, text):
+    pytest.importorskip('pyproj')
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(DragonError, match=r'does not state whether they are .*; (write units|give --unit)'):
+        csv_line(path, None) if name == 'a.csv' else map_line(read_drawing(path), None)
+    if name == 'a.csv':
+        line = csv_line(path, 'deg')
+    else:
+        path.write_text(f'units: degrees\n{text}')
+        line = map_line(read_drawing(path), None)
+    (part,) = line.placed(line.own_origin()).parts
+    assert abs(part[1] - part[0]) == pytest.approx(111.2, abs=0.1)
+
+
+def test_a_csv_names_its_unit_in_its_columns(tmp_path):
+    path = tmp_path / 'a.csv'
+    path.write_text('x_m,y_m\n0,0\n0.1,0\n')
+    assert csv_line(path, None).geometry.length == pytest.approx(0.1)
+    with pytest.raises(DragonError, match='its columns are metres; omit --unit'):
+        csv_line(path, 'deg')
+    path.write_text('lat,lon\n30,120\n30.001,120\n')
+    assert csv_line(path, None).crs == 'OGC:CRS84'
+
+
+@pytest.mark.parametrize('suffix', ['.geojson', '.wkt', '.csv'])
+def test_a_byte_order_mark_is_skipped(tmp_path, suffix):
+    text = {'.geojson': '{"type": "LineString", "units": "m", "coordinates": [[0, 0], [9, 0]]}',
+            '.wkt': 'LINESTRING (0 0, 9 0)', '.csv': 'x,y\n0,0\n9,0\n'}[suffix]
+    path = tmp_path / f'a{suffix}'
+    path.write_text('\ufeff' + text, encoding='utf-8')
+    line = csv_line(path, None) if suffix == '.csv' else map_line(read_drawing(path), None)
+    assert line.geometry.length == 9

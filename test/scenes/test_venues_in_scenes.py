@@ -10,10 +10,12 @@ from dragon_ros.core.limits import SCENE_CHARACTERS, VENUE_BYTES
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.certificate import NoContact
 from dragon_ros.core.search.first_contact import first_contact
-from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
-from dragon_ros.scenes.load import changed_scene, load_scene, scene_of, scene_values, strangers_scene
+from dragon_ros.core.venue import LineObstacle, Origin, PolygonObstacle, Venue
+from dragon_ros.scenes.georeference import degrees_of, own_origin, placed
+from dragon_ros.scenes.load import changed_scene, load_scene, load_venue, scene_of, scene_values, strangers_scene
+from dragon_ros.scenes.maps import read_drawing
 from dragon_ros.scenes.provenance import scene_file
-from dragon_ros.scenes.venue_files import degrees_of, read_drawing, venue_values
+from dragon_ros.scenes.venue_files import venue_values
 from dragon_ros.scenes.yaml import parse_document
 
 TRACK = 'track: {kind: joined, pieces: [{kind: line, length_m: 50}], start_m: 20}\ndragon: {benches: 5}\n'
@@ -116,13 +118,16 @@ def test_geojson_in_metres_has_names_holes_parts_and_the_inside(tmp_path):
     assert load_scene(str(tmp_path / 'scene.yaml'), ['venue.margin_m=1']).venue.margin_m == 1.0
 
 
-@pytest.mark.parametrize(('lon', 'origin_deg'), [(113.1, (0.0, 0.0)), (113.1, (114.3, 23.0)), (180.0, None)])
-def test_degrees_far_from_their_origin_are_rejected_since_the_projection_stretches_them(tmp_path, lon, origin_deg):
+@pytest.mark.parametrize(('lon', 'origin'), [(113.1, (0.0, 0.0)), (113.1, (113.3, 23.0)), (180.0, None)])
+def test_degrees_far_from_their_origin_are_rejected(tmp_path, lon, origin):
     pytest.importorskip('pyproj')
     east = lon + 0.001 if lon < 180 else -179.999
-    path = written(tmp_path, {'type': 'LineString', 'coordinates': [[lon, 23.0], [east, 23.0], [east, 23.001]]})
-    with pytest.raises(InputError, match=r'it reaches \S+ km from its origin .* only up to 100 km; give an origin'):
-        read_drawing(path, origin_deg)
+    drawing = read_drawing(written(tmp_path, {'type': 'LineString', 'coordinates': [[lon, 23.0], [east, 23.0],
+                                                                                    [east, 23.001]]}))
+    lines = [drawing.features[0].geometry]
+    about = Origin(origin) if origin else own_origin('v', lines, drawing.crs)
+    with pytest.raises(InputError, match=r'it reaches \S+ km from the origin .* the limit is 10 km; give an origin'):
+        placed('v', lines, drawing.crs, about)
 
 
 def test_wkt_has_a_geometry_a_line_with_its_name(tmp_path):
@@ -138,40 +143,49 @@ def test_degrees_become_metres_about_their_middle(tmp_path):
     lonlat = [[113.1, 23.0], [113.102, 23.0], [113.102, 23.001], [113.1, 23.001], [113.1, 23.0]]
     geometry = {'type': 'Polygon', 'coordinates': [lonlat]}
     values = {'type': 'Feature', 'properties': {'name': 'block'}, 'geometry': geometry}
-    drawing = read_drawing(written(tmp_path, values))
-    assert drawing.origin_deg == pytest.approx((113.101, 23.0005), abs=1e-12)
-    points = np.array(drawing.features[0].geometry.exterior.coords)
+    points, origin = placed_ring(written(tmp_path, values))
+    assert origin == Origin((113.101, 23.0005))
     _, _, along = pyproj.Geod(ellps='WGS84').inv(*np.array(lonlat[:-1]).T, *np.array(lonlat[1:]).T)
     assert np.hypot(*np.diff(points, axis=0).T) == pytest.approx(along, abs=1e-5)
     assert np.abs(points[:4].mean(axis=0)).max() < 1e-3
     assert points[1, 0] > 0 > points[1, 1]      # east is x, north is y
-    moved = read_drawing(tmp_path / 'v.geojson', (113.1, 23.0))
-    assert np.array(moved.features[0].geometry.exterior.coords)[0] == pytest.approx((0, 0), abs=1e-9)
+    moved, _ = placed_ring(tmp_path / 'v.geojson', Origin((113.1, 23.0)))
+    assert moved[0] == pytest.approx((0, 0), abs=1e-9)
     to_utm = pyproj.Transformer.from_crs('OGC:CRS84', 'EPSG:32649', always_xy=True)
     utm = np.stack(to_utm.transform(*np.array(lonlat).T), 1)
     crs = {'type': 'name', 'properties': {'name': 'urn:ogc:def:crs:EPSG::32649'}}
     geometry = {'type': 'Polygon', 'coordinates': [utm.tolist()]}
-    again = read_drawing(written(tmp_path, {**values, 'crs': crs, 'geometry': geometry}))
-    assert np.array(again.features[0].geometry.exterior.coords) == pytest.approx(points, abs=1e-5)
+    again, origin = placed_ring(written(tmp_path, {**values, 'crs': crs, 'geometry': geometry}))
+    assert origin == Origin((113.101, 23.0005))
+    assert again == pytest.approx(points, abs=1e-5)
+
+
+def placed_ring(path, origin=None):
+    """Return the corners of the only polygon of a map in metres, and the origin, by default the map's own."""
+    drawing = read_drawing(path)
+    shapes = [drawing.features[0].geometry]
+    origin = origin or own_origin('v', shapes, drawing.crs)
+    return np.array(placed('v', shapes, drawing.crs, origin)[0].exterior.coords), origin
 
 
 @pytest.mark.parametrize(('name', 'text', 'says'), [
     ('a.geojson', '{', 'is not GeoJSON'), ('a.geojson', '[]', 'not an object'),
     ('a.geojson', '{"type": "FeatureCollection"}', 'not a list'),
     ('a.geojson', '{"type": "FeatureCollection", "features": [3]}', 'a feature is not an object'),
-    ('a.geojson', '{"type": "FeatureCollection", "features": []}', 'is empty; draw obstacles'),
+    ('a.geojson', '{"type": "FeatureCollection", "features": []}', 'is empty; draw lines and obstacles'),
     ('a.geojson', '{"type": "Feature", "properties": {"name": "post"}, "geometry": null}',
-     'post: a feature has no geometry'),
-    ('a.geojson', '{"type": "Point", "coordinates": [1, 2], "units": "m"}', 'obstacle 1: a Point has no extent; draw'),
-    ('a.geojson', '{"type": "Polygon", "coordinates": [], "units": "m"}', 'obstacle 1: it is empty'),
+     r'is empty .1 without geometry.; draw'),
+    ('a.geojson', '{"type": "Point", "coordinates": [1, 2], "units": "m"}', r'no obstacle .not obstacles: 1 points.'),
+    ('a.geojson', '{"type": "Polygon", "coordinates": [], "units": "m"}', 'is empty .1 without geometry'),
     ('a.geojson', '{"type": "Polygon", "coordinates": 3, "units": "m"}', 'is not GeoJSON'),
     ('a.geojson', '{"type": "LineString", "coordinates": [[1, 2], [300, 2]]}', 'not degrees .*write "units": "m"'),
     ('a.geojson', '{"type": "LineString", "coordinates": [[1, 2], [NaN, 2]]}', 'not a finite number'),
     ('a.geojson', '{"type": "LineString", "coordinates": [[1, 2], [3, 2]], "units": "feet"}', "'feet' is neither"),
     ('a.geojson', '{"type": "LineString", "coordinates": [[1, 2], [3, 2]], "crs": 3}', 'crs: it names no reference'),
-    ('a.wkt', 'wall: LINE (0 0)', r'a\.wkt:1: it is not WKT: '), ('a.wkt', 'POINT (1 2)', 'a Point has no extent'),
+    ('a.wkt', 'wall: LINE (0 0)', r'a\.wkt:1: it is not WKT: '), ('a.wkt', 'POINT (1 2)', 'does not state whether'),
+    ('a.wkt', 'units: m\nPOINT (1 2)', 'no obstacle'),
     ('a.wkt', 'CIRCULARSTRING (0 1, 1 1, 2 2)', r'a\.wkt:1: it is not WKT: .*(Nonlinear|CIRCULARSTRING)'),
-    ('a.svg', '', 'the suffix is not'), ('b.wkt', None, 'b.wkt: cannot be read'),
+    ('a.svg', '', 'the suffix .svg is not'), ('b.wkt', None, 'b.wkt: cannot be read'),
     ('a.geojson', '{"type": "FeatureCollection", "units": "m", "features": [' + ', '.join(
         ['{"type": "Feature", "properties": {"name": "inside"}, "geometry": {"type": "LineString", "coordinates": '
          '[[0, 0], [1, 1]]}}'] * 2) + ']}', 'inside: it is a LineString')])
@@ -185,9 +199,9 @@ def test_bad_files_are_refused_in_one_line(tmp_path, name, text, says):
 
 @pytest.mark.parametrize(('venue', 'says'), [
     ('{file: 3}', 'venue.file: 3 is not a file name'),
-    ('{file: v.wkt, origin_deg: 3}', 'origin_deg: 3 is not a position'),
+    ('{file: v.wkt, origin_deg: 3}', 'lon_lat_deg: 3 is not a position'),
     ('{origin_deg: [1, 2]}', 'needs obstacles or an inside'),
-    ('{inside: "0 0, 1 0, 1 1", origin_deg: [1, 91]}', 'origin_deg: 91 is not valid: the largest is 90'),
+    ('{inside: "0 0, 1 0, 1 1", origin_deg: [1, 91]}', 'lon_lat_deg: 91 is not valid: the largest is 90'),
     ('{file: v.wkt, obstacles: []}', r'venue.obstacles: v.wkt defines it too; remove one of them'),
     ('{file: none.wkt}', 'none.wkt: cannot be read')])
 def test_a_file_is_named_as_a_whole(tmp_path, venue, says):
@@ -202,32 +216,44 @@ def test_a_file_is_named_as_a_whole(tmp_path, venue, says):
     ('v.geojson', {'type': 'LineString', 'units': 'm', 'coordinates': [[0, 3], [50, 3]]})])
 def test_a_file_in_metres_stays_as_it_is_where_its_origin_is_given(tmp_path, name, content):
     written(tmp_path, content, name)
-    for given, origin_deg in (('', None), (', origin_deg: [113.1, 23]', (113.1, 23.0))):
+    for given, origin in (('', None), (', origin_deg: [113.1, 23]', Origin((113.1, 23.0)))):
         (tmp_path / 'scene.yaml').write_text(f'{TRACK}venue: {{file: {name}{given}}}')
-        venue = load_scene(str(tmp_path / 'scene.yaml')).venue
-        assert venue.origin_deg == origin_deg
-        assert [tuple(point) for point in venue.obstacles[0].points_m] == [(0, 3), (50, 3)]
+        scene = load_scene(str(tmp_path / 'scene.yaml'))
+        assert scene.origin == origin
+        assert [tuple(point) for point in scene.venue.obstacles[0].points_m] == [(0, 3), (50, 3)]
 
 
-def test_the_origin_of_a_file_in_degrees_stays_with_the_scene(tmp_path):
+def test_a_file_in_degrees_is_placed_about_the_origin_of_the_scene_and_refused_without_one(tmp_path):
     pytest.importorskip('pyproj')
     written(tmp_path, {'type': 'LineString', 'coordinates': [[113.1, 23.0], [113.102, 23.001]]})
     path = tmp_path / 'scene.yaml'
     path.write_text(f'{TRACK}venue: {{file: v.geojson}}')
+    with pytest.raises(InputError, match=r'v.geojson lies on a map, .* origin: {lon_lat_deg: \[113.101, 23.0005\]}'):
+        load_scene(str(path))
+    with pytest.raises(InputError, match='lies on a map'):
+        load_venue(str(tmp_path / 'v.geojson'))
+    given = load_scene(str(path), ['venue.origin_deg=[113.1, 23.0]'])
+    assert given == load_scene(str(path), ['origin.lon_lat_deg=[113.1, 23.0]'])
+    assert given.origin == Origin((113.1, 23.0))
+    assert given.venue.obstacles[0].points_m[0] == pytest.approx((0, 0), abs=1e-9)
+    path.write_text(f'{TRACK}origin: {{lon_lat_deg: [113.101, 23.0005]}}\nvenue: {{file: v.geojson}}')
     scene = load_scene(str(path))
-    assert scene.venue.origin_deg == pytest.approx((113.101, 23.0005), abs=1e-12)
     assert strangers_scene('bag', scene_file(scene)) == scene
-    with pytest.raises(InputError, match=r'origin_deg.*set origin_deg next to venue.file'):
-        load_scene(str(path), ['venue.origin_deg=[113.1, 23.0]'])
-    assert load_scene(str(path), ['venue.origin_deg=null']).venue.origin_deg is None
+    for key in ('venue.origin_deg', 'origin'):
+        assert load_scene(str(path), [f'{key}=null']).origin is None
+        assert load_scene(str(path), [f'{key}=null']).venue == scene.venue
 
 
 def test_metres_become_the_degrees_that_they_came_from(tmp_path):
     pytest.importorskip('pyproj')
     lonlat = [[113.1, 23.0], [113.102, 23.0], [113.102, 23.001]]
     drawing = read_drawing(written(tmp_path, {'type': 'LineString', 'coordinates': lonlat}))
-    back = degrees_of(drawing.features[0].geometry, drawing.origin_deg)
-    assert np.array(back.coords) == pytest.approx(np.array(lonlat), abs=1e-9)
+    lines = [drawing.features[0].geometry]
+    for origin in (own_origin('v', lines, drawing.crs), Origin(map_m=(715e3, 2545e3), crs='EPSG:32649')):
+        back = degrees_of(placed('v', lines, drawing.crs, origin)[0], origin)
+        assert np.array(back.coords) == pytest.approx(np.array(lonlat), abs=1e-9)
+    with pytest.raises(InputError, match='origin.crs'):
+        degrees_of(lines[0], Origin(map_m=(715e3, 2545e3)))
 
 
 @pytest.mark.parametrize('name', ['street', 'square'])
