@@ -4,7 +4,7 @@ Lengths are in metres, angles in radians and times in seconds; all arrays are nu
 handle. Every error that dragon_ros raises deliberately is a DragonError; its subclass InputError reports invalid input.
 """
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike, fspath
@@ -26,7 +26,6 @@ from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
-from dragon_ros.core.search.family import FamilyProof, first_contact_within
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.spec import STurn
@@ -203,18 +202,6 @@ class Simulated:
         searched to its end; the error suggests an earlier stop.
         """
         return first_contact(self.scene, progress)
-
-    def contact_within(self, tolerances: Mapping[str, float], *, progress: Progress = _quiet) -> FamilyProof:
-        """Prove a time before which no dragon within the given tolerances of this scene's dragon touches itself.
-
-        ``tolerances`` maps scene keys to tolerances in metres, for example ``{'dragon.width_m': 0.005}``. Each bench
-        varies independently, but the pitch is the same along the whole track. The track must be a single spiral, and
-        the head must lead. Raises FieldError for any other scene or an unknown key. Raises a DragonError that names the
-        tolerance to reduce if nothing can be proved.
-        """
-        if not isinstance(tolerances, Mapping):
-            raise FieldError('tolerances', tolerances, 'it is not a mapping', "write {'dragon.width_m': 0.005}")
-        return first_contact_within(self.scene, tolerances, progress)
 
     def track_m(self, sag_m: float = 1e-4) -> Floats:
         """Return points (P, 2) along the part of the track that handles cover during the run, accurate to ``sag_m``."""

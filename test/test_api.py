@@ -31,12 +31,9 @@ def test_every_example_of_its_page_runs(bag, monkeypatch):
     __import__('matplotlib').use('agg')
     names: dict = {}
     for block in re.findall(r'```python\n(.*?)```', PAGE, re.S):
-        if 'contact_within' in block:
-            names['run'] = dr.compile(dr.scene('winding', dragon={'benches': 12}))      # bench 0 meets bench 9
         exec(compile(block, 'docs/python.md', 'exec'), names)
     assert names['found'].benches == (0, 8)
     assert names['found'].t_s == pytest.approx(412.473837682115, abs=1e-9)
-    assert round(names['family'].proved_s, 2) == 405.38
     assert names['motion'].handles_m.shape == (11, 13, 2)
 
 

@@ -1,4 +1,5 @@
 """``contact``: find the first contact of a scene."""
+import argparse
 import json
 import sys
 import time
@@ -35,11 +36,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('--near-misses', type=float, metavar='METRES',
                          help='also report near misses: gaps below this value between two benches, or between a bench '
                          'and an obstacle')
-    options.add_argument('--within', action='append', default=[], metavar='KEY=METRES',
-                         help='prove a time before which no dragon within these tolerances touches itself; KEY is '
-                         'dragon.width_m, head_length_m, body_length_m or hole_inset_m, which may differ from '
-                         'bench to bench, or track.pitch_m; requires a single spiral and a dragon led by its head; '
-                         'repeatable')
+    options.add_argument('--within', help=argparse.SUPPRESS)       # removed in 0.4.0
     options.add_argument('--certificate', type=Path, metavar='FILE',
                          help='write the proof that no benches touch earlier, as JSON')
     options.add_argument('--verify', type=Path, metavar='FILE',
@@ -52,19 +49,19 @@ def main(argv: list[str]) -> int:
 
 def _check(arguments: Namespace) -> None:
     """Reject options that would be ignored."""
+    if arguments.within is not None:
+        raise InputError('--within: the proof for a family of dragons was removed in 0.4.0; use ./dragon study '
+                         'tolerances, which answers by samples with a stated confidence')
     if arguments.verify is not None:
         if arguments.output is not None and arguments.format != 'text':
             raise InputError(f'--output {arguments.output}: --verify writes only text; give a name that ends in .txt')
         given = {f'--{name}': getattr(arguments, name.replace('-', '_')) is not None
                  for name in ('accuracy', 'namespace', 'near-misses', 'certificate')}
-        given['--within'] = bool(arguments.within)
         given |= {'--scene': command_line.names_scene(arguments), '--set': bool(arguments.overrides),
                   '--trust': arguments.trust, '--format': arguments.format != 'text', 'BAG': arguments.bag is not None}
         command_line.check_taken('--verify', given, set())
     elif arguments.effort is not None:
         raise InputError('--effort: it requires --verify; add --verify, or omit --effort')
-    if arguments.within and arguments.near_misses is not None:
-        raise InputError('--near-misses: it is not available for a family of dragons; omit --within or --near-misses')
     if arguments.near_misses is not None:
         number('--near-misses', arguments.near_misses, above=0.0)
     if None not in (arguments.certificate, arguments.output) and (
@@ -81,9 +78,6 @@ def _run(arguments: Namespace) -> int:
     command_line.check_keeps('--certificate', arguments.certificate, arguments.bag, arguments.scene)
     walk, touch = _walk_of(arguments), _obstacle_touch(arguments)
     scene = walk.scene
-    if arguments.within:
-        from dragon_ros.commands import contact_within
-        return contact_within.run(scene, arguments)
     from dragon_ros.core.search.first_contact import first_contact
     start = time.perf_counter()
     with Progress('contact', 'states') as bar:

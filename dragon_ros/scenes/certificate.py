@@ -9,7 +9,6 @@ from typing import Any
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.certificate import ALL, Contact, Interval, NoContact
-from dragon_ros.core.search.family import FamilyProof
 from dragon_ros.scenes.load import scene_values
 
 _VERSION = 2        # version of the format and its claims; certificates of 0.2.0 and earlier state none
@@ -47,11 +46,6 @@ def _certificate(scene: Scene, contact: Any, rows: list[dict[str, Any]]) -> dict
         values['venue'] = {key: values['venue'][key] for key in ('obstacles', 'inside') if values['venue'].get(key)}
         version = _WITH_VENUE
     return {'version': version, 'scene': values, 'contact': contact, 'intervals': rows}
-
-
-def family_values(scene: Scene, proof: FamilyProof) -> dict[str, Any]:
-    """Return the certificate of a family as plain values: the claim, which the checker proves independently."""
-    return {'family': 1, 'scene': _values(scene), 'within': dict(proof.within), 'proved_s': proof.proved_s}
 
 
 def _values(scene: Scene) -> dict[str, Any]:

@@ -9,10 +9,9 @@ from dragon_ros.verify.approach import Approach, approaches
 from dragon_ros.verify.balls import above, below, exact, precise, size
 from dragon_ros.verify.cover import Budget, Cover, Progress, Way, repeated, ways
 from dragon_ros.verify.errors import Refused
-from dragon_ros.verify.family import prove_family
 from dragon_ros.verify.posture import Dragon, Pose, Posture, gap, overlap
 from dragon_ros.verify.ranges import Range, ranges
-from dragon_ros.verify.reading import Claims, Contact, FamilyClaims, Pieces, Scene, Spiral, Venue
+from dragon_ros.verify.reading import Claims, Contact, Pieces, Scene, Spiral, Venue
 from dragon_ros.verify.run import Leader, Run, run_of
 from dragon_ros.verify.track import Track, track_of
 from dragon_ros.verify.venue import Edges, ObstacleCover, check_sides, ways_by_length
@@ -40,18 +39,12 @@ class Proved:
     steps: int
 
 
-def prove(claims: Claims | FamilyClaims, effort: float, progress: Progress) -> Proved:
+def prove(claims: Claims, effort: float, progress: Progress) -> Proved:
     """Return what a certificate proves. Raises Refused if the proof fails or exceeds its budget.
 
     ``progress(done_m, whole_m, advice)`` is called with the metres of track that are cleared, the metres in total,
     and advice if the budget is too small at the current rate.
     """
-    if isinstance(claims, FamilyClaims):
-        precise(_far(claims.scene))
-        boxes = prove_family(claims, effort, progress)
-        tolerances = ', '.join(f'{key} {value!r}' for key, value in sorted(claims.within.items()))
-        return Proved(f'no dragon within {tolerances or "no tolerance"} of the scene touches itself from '
-                      f'{claims.scene.start_s!r} s to {claims.proved_s!r} s', boxes, boxes)
     budget = Budget(int(effort * min(_STEPS + _STEPS_EACH * len(claims.rows), _MOST_STEPS)), effort)
     precise(_far(claims.scene))
     try:

@@ -169,16 +169,7 @@ class Claims:
     version: int
 
 
-@dataclass(frozen=True)
-class FamilyClaims:
-    """The content of a family certificate: tolerances, and the time up to which no dragon touches itself."""
-
-    scene: Scene
-    within: dict[str, float]
-    proved_s: float
-
-
-def read(path: Path) -> Claims | FamilyClaims:
+def read(path: Path) -> Claims:
     """Return the content of a certificate file; ``-`` is standard input. Raises Refused."""
     try:
         with sys.stdin.buffer if str(path) == '-' else path.open('rb') as file:
@@ -190,13 +181,15 @@ def read(path: Path) -> Claims | FamilyClaims:
     return claims_of(data)
 
 
-def claims_of(data: bytes) -> Claims | FamilyClaims:
+def claims_of(data: bytes) -> Claims:
     """Return the content of a certificate that is encoded in UTF-8. Raises Refused."""
     try:
         values = json.loads(data.decode(), parse_constant=_no_number, parse_int=_whole, object_pairs_hook=_once)
     except (ValueError, RecursionError, MemoryError) as error:
         raise Refused(f'it is not a certificate: {str(error)[:160]}') from None
-    return _family(values) if isinstance(values, dict) and 'family' in values else _claims(values)
+    if isinstance(values, dict) and 'family' in values:
+        raise Refused('it is a certificate of a family of dragons; dragon_ros 0.3.0 verifies it')
+    return _claims(values)
 
 
 def _no_number(text: str) -> Any:
@@ -227,21 +220,6 @@ def _claims(values: Any) -> Claims:
     benches = len(scene.lengths_m)
     return Claims(scene, _contact(top['contact'], scene),
                   tuple(_row(f'intervals[{n}]', row, benches) for n, row in enumerate(rows)), version)
-
-
-FAMILY_VERSION = 1
-_TOLERANCES = {'dragon.width_m', 'dragon.head_length_m', 'dragon.body_length_m', 'dragon.hole_inset_m', 'track.pitch_m'}
-
-
-def _family(values: dict[str, Any]) -> FamilyClaims:
-    top = _keys('', values, {'family', 'scene', 'within', 'proved_s'})
-    _number('family', top['family'], FAMILY_VERSION, FAMILY_VERSION, whole=True)
-    scene, within = _scene(top['scene']), _keys('within', top['within'], set(), _TOLERANCES)
-    if scene.venue:
-        raise Refused('scene.venue: family certificates with a venue are not supported; omit the venue')
-    latest_s = _LATEST_S if scene.stop_s is None else scene.stop_s
-    return FamilyClaims(scene, {key: _number(f'within.{key}', value, 0, 1e12) for key, value in within.items()},
-                        _number('proved_s', top['proved_s'], scene.start_s, latest_s))
 
 
 _ROW = {'lead', 'start_m', 'stop_m', 'behind'}

@@ -19,8 +19,7 @@ COMMANDS = {
     'table --output t.xls': 'the formats are', 'table --output t.xlsx --format csv': 'conflicts',
     'table --output nowhere/t.csv': 'cannot be written', 'table a.mcap': 'is not an MCAP file',
     'table winding': 'write --scene winding', 'table --paper --times 3': 'does not accept it',
-    'contact --within dragon.width_m': 'KEY=METRES',
-    'contact --within dragon.width=0.005': 'did you mean dragon.width_m',
+    'contact --within dragon.width_m=0.005': './dragon study tolerances',
     'contact --set run.stop_s=-1': 'give a later stop', 'design': 'QUESTION', 'design turns': "choose from 'turn'",
     'design turn --set track.diameter_m=5': 'give more than 5.752', 'design min-pitch --diameter 0': 'more than 0',
     'design max-speed --scene winding': 'stop earlier', 'design fit --rectangle 3': 'design fit --help', 'plot': 'KIND',
@@ -71,8 +70,6 @@ CALLS = {
     'min_pitch': (lambda: dr.design.min_pitch(diameter_m='9'), 'without quotes'),
     'turn': (lambda: dr.design.turn(dr.scene('winding')), 'whose track.kind is turn'),
     'max_speed': (lambda: dr.design.max_speed(None), 'write dr.scene'),
-    'contact_within': (lambda: run().contact_within(5), "write {'dragon.width_m'"),
-    'contact_within key': (lambda: run().contact_within({'a': 1}), 'tolerances are supported for'),
     'track_m': (lambda: run().track_m(0), 'at least 1e-09'),
     'batches': (lambda: next(run().batches([1.0], 0)), 'at least 1')}
 

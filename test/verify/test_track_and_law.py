@@ -20,7 +20,7 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 from dragon_ros.scenes.load import scene_values
-from dragon_ros.verify import family, reading, run, segments, track
+from dragon_ros.verify import reading, run, segments, track
 from dragon_ros.verify.balls import exact, precise
 from dragon_ros.verify.cover import Budget
 from dragon_ros.verify.errors import Refused
@@ -106,12 +106,6 @@ def test_places_are_first_computed_in_floats_which_are_right_to_a_billionth(name
     assert name == 'loop' or asked
     for guess, found in asked:
         assert guess == pytest.approx(found, rel=1e-9, abs=1e-9)
-
-
-def test_a_curvature_times_the_distance_from_the_centre_is_greatest_at_the_root_of_two_and_below_its_bound():
-    theta = np.linspace(0, 10, 100_001)
-    most = np.max(theta * (2 + theta**2) / (1 + theta**2)**1.5)
-    assert most <= family._BENT <= 1.002 * most
 
 
 @given(st.floats(0, 1e6))

@@ -133,12 +133,15 @@ def test_a_certificate_that_is_changed_is_refused(name):
     assert re.search(why, refusal(changed(certificate_of(scene), change)))
 
 
-def test_a_run_without_a_venue_touches_no_obstacle_and_a_family_has_none():
+def test_a_run_without_a_venue_touches_no_obstacle():
     values = written(Scene(ALONG.dragon, ALONG.track, run=Run(stop_s=9.0)))
     values['contact'] = {'t_s': 5.0, 'benches': [0], 'obstacle': 'wall'}
     assert "'wall' is not in the venue" in refusal(values)
+
+
+def test_a_certificate_of_a_family_names_the_release_that_verifies_it():
     family = {'family': 1, 'scene': written(CLEAR)['scene'], 'within': {}, 'proved_s': 1.0}
-    assert 'scene.venue: family certificates with a venue are not supported' in refusal(family)
+    assert 'dragon_ros 0.3.0 verifies it' in refusal(family)
 
 
 def test_an_obstacle_that_the_last_bench_alone_comes_to_is_not_missed():
