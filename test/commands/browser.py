@@ -1,24 +1,22 @@
-"""Headless Chromium, driven by chromedriver over the WebDriver protocol.
+"""Headless Chromium, driven through the pipe of its DevTools protocol.
 
 ``python3 test/commands/browser.py URL FILE [WIDTH HEIGHT [dark]]`` takes a screenshot of a ``view`` page.
 """
 import base64
 import json
-import re
+import select
 import shutil
 import subprocess
 import sys
 import tempfile
 import time
-import urllib.request
 from contextlib import contextmanager
 from pathlib import Path
 
 CHROMIUM = next((path for name in ('chromium', 'chromium-browser', 'google-chrome') if (path := shutil.which(name))),
                 None)
-DRIVER = shutil.which('chromedriver')
-ABSENT = 'no chromium with chromedriver on this machine; on Debian: apt install chromium chromium-driver'
-_FLAGS = ('--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-sync',
+ABSENT = 'no chromium on this machine; on Debian: apt install chromium'
+_FLAGS = ('--headless', '--remote-debugging-pipe', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-sync',
           '--disable-background-networking', '--disable-component-update', '--window-size=1400,860',
           '--use-angle=swiftshader', '--enable-unsafe-swiftshader',     # WebGL in software
           # All pages are trusted and share one process: starting a process for each page would take as long as its
@@ -26,33 +24,68 @@ _FLAGS = ('--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no
           '--renderer-process-limit=1', '--disable-site-isolation-trials', '--disable-features='
           'SpareRendererForSitePerProcess,BackForwardCache,ProactivelySwapBrowsingInstance,RenderDocument')
 _LONGEST_S = 60.0
-# WebDriver's key codes.
-_KEYS = {'ArrowLeft': '\ue012', 'ArrowUp': '\ue013', 'ArrowRight': '\ue014', 'Home': '\ue011', 'End': '\ue010',
-         'Tab': '\ue004'}
+# Windows' key codes, by which Chromium recognises keys that type nothing.
+_KEYS = {'ArrowLeft': 37, 'ArrowUp': 38, 'ArrowRight': 39, 'Home': 36, 'End': 35, 'Tab': 9}
 
 
 class Browser:
-    """The page of a WebDriver session."""
+    """The page of a browser whose standard input and output are the pipe of its DevTools protocol."""
 
-    def __init__(self, address, profile):
-        options = {'binary': CHROMIUM, 'args': [*_FLAGS, f'--user-data-dir={profile}']}
-        wanted = {'browserName': 'chrome', 'goog:chromeOptions': options, 'goog:loggingPrefs': {'browser': 'ALL'}}
-        self._address = f'{address}/session'
-        self._address += '/' + self._call('', {'capabilities': {'alwaysMatch': wanted}})['sessionId']
+    def __init__(self, process):
+        self._process, self._read, self._sent = process, b'', 0
+        self._session, self._said, self._loaded = None, [], False
+        (page,) = (one for one in self._devtools('Target.getTargets')['targetInfos'] if one['type'] == 'page')
+        self._session = self._devtools('Target.attachToTarget', targetId=page['targetId'], flatten=True)['sessionId']
+        for domain in ('Page', 'Runtime', 'Log'):
+            self._devtools(f'{domain}.enable')
+        self._devtools('Emulation.setFocusEmulationEnabled', enabled=True)
 
-    def _call(self, path, body=None, method=None):
-        data = None if body is None else json.dumps(body).encode()
-        kind = {'Content-Type': 'application/json'}
-        request = urllib.request.Request(self._address + path, data, kind, method=method)
-        with urllib.request.urlopen(request, timeout=_LONGEST_S) as answer:
-            return json.load(answer)['value']
+    def _devtools(self, command, **parameters):
+        """Return the result of a command."""
+        self._sent += 1
+        message = {'id': self._sent, 'method': command, 'params': parameters}
+        if self._session:
+            message['sessionId'] = self._session
+        self._process.stdin.write(json.dumps(message).encode() + b'\0')
+        self._process.stdin.flush()
+        while (answer := self._next()).get('id') != self._sent:
+            pass
+        assert 'error' not in answer, f'{command}: {answer}'
+        return answer['result']
+
+    def _next(self):
+        """Wait for the next message, and keep what it says about the page."""
+        while b'\0' not in self._read:
+            assert select.select([self._process.stdout], [], [], _LONGEST_S)[0], 'the browser does not answer'
+            new = self._process.stdout.read1(1 << 20)
+            assert new, 'the browser has ended'
+            self._read += new
+        line, _, self._read = self._read.partition(b'\0')
+        message = json.loads(line)
+        said, name = message.get('params', {}), message.get('method')
+        if name == 'Page.loadEventFired':
+            self._loaded = True
+        elif name == 'Log.entryAdded':
+            self._said.append((said['entry']['level'], f"{said['entry'].get('url', '')} {said['entry']['text']}"))
+        elif name == 'Runtime.consoleAPICalled':
+            self._said.append((said['type'], ' '.join(str(one.get('value', one)) for one in said['args'])))
+        elif name == 'Runtime.exceptionThrown':
+            self._said.append(('error', json.dumps(said['exceptionDetails'])))
+        return message
 
     def open(self, url):
-        self._call('/url', {'url': url})
+        """Open an address, and wait until it is loaded."""
+        self._loaded = False
+        if 'loaderId' in self._devtools('Page.navigate', url=url):      # otherwise, only the fragment has changed
+            while not self._loaded:
+                self._next()
 
     def run(self, script):
-        """Return the value that a script returns."""
-        return self._call('/execute/sync', {'script': script, 'args': []})
+        """Return the value that a script returns or promises."""
+        result = self._devtools('Runtime.evaluate', expression=f'(() => {{ {script}\n}})()', awaitPromise=True,
+                                returnByValue=True, userGesture=True)
+        assert 'exceptionDetails' not in result, result
+        return result['result'].get('value')
 
     def wait(self, script):
         """Wait until a script returns a true value, and return this value."""
@@ -88,11 +121,11 @@ class Browser:
 
     def press(self, key):
         """Press and release a key, given by the name that the page receives, such as ' ' or 'Home'."""
-        keys = [{'type': kind, 'value': _KEYS.get(key, key)} for kind in ('keyDown', 'keyUp')]
-        self._call('/actions', {'actions': [{'type': 'key', 'id': 'keyboard', 'actions': keys}]})
-
-    def _devtools(self, command, **parameters):
-        self._call('/goog/cdp/execute', {'cmd': command, 'params': parameters})
+        code = _KEYS.get(key)
+        typed = {'windowsVirtualKeyCode': code} if code else {'text': key}
+        for kind in ('keyDown', 'keyUp'):
+            self._devtools('Input.dispatchKeyEvent', type=kind, key=key, code=key, **typed)
+            typed.pop('text', None)
 
     def violations(self, axe):
         """Run axe from the given script, and return the violated rules with their elements."""
@@ -101,34 +134,27 @@ class Browser:
             ({id, nodes}) => nodes.map(({html}) => `${id}: ${html.slice(0, 200)}`)))""")
 
     def log(self):
-        """Return the console's messages as (level, message)."""
-        return [(entry['level'], entry['message']) for entry in self._call('/se/log', {'type': 'browser'})]
+        """Return the console's new messages as (level, message)."""
+        self.run('')        # messages of the page come before its answer
+        said, self._said = self._said, []
+        return said
 
     def screenshot(self, path):
-        path.write_bytes(base64.b64decode(self._call('/screenshot')))
-
-    def close(self):
-        self._call('', method='DELETE')
+        path.write_bytes(base64.b64decode(self._devtools('Page.captureScreenshot')['data']))
 
 
 @contextmanager
 def browser(folder):
     """A browser that keeps its profile and log in a folder."""
-    with (folder / 'chromedriver.log').open('w+') as log:
-        driver = subprocess.Popen([DRIVER, '--port=0'], stdout=log, stderr=subprocess.STDOUT)
+    command = ['sh', '-c', 'exec "$0" "$@" 3<&0 4>&1 0</dev/null 1>&2', CHROMIUM, *_FLAGS,
+               f'--user-data-dir={folder / "profile"}', 'about:blank']
+    with (folder / 'chromium.log').open('wb') as log, subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=log) as process:
         try:
-            end = time.monotonic() + _LONGEST_S
-            while not (port := re.search(r'successfully on port (\d+)', (folder / 'chromedriver.log').read_text())):
-                assert time.monotonic() < end, 'chromedriver printed no port'
-                time.sleep(0.05)
-            page = Browser(f'http://127.0.0.1:{port[1]}', folder / 'profile')
-            try:
-                yield page
-            finally:
-                page.close()
+            yield Browser(process)
         finally:
-            driver.terminate()
-            driver.wait(timeout=20)
+            process.terminate()
+            process.wait(timeout=20)
 
 
 if __name__ == '__main__':

@@ -50,7 +50,7 @@ def bag(tmp_path_factory, write_bag):
 @pytest.fixture(scope='session')
 def chromium(tmp_path_factory):
     """The one browser that all tests in this process share, since starting a browser takes seconds."""
-    if not (browser.CHROMIUM and browser.DRIVER):
+    if not browser.CHROMIUM:
         pytest.skip(browser.ABSENT)
     with browser.browser(tmp_path_factory.mktemp('chromium')) as one:
         yield one

@@ -408,7 +408,7 @@ def test_many_benches_are_drawn_where_they_are_at_every_zoom(big, big_server, pa
     assert 'draw calls per frame on a canvas' in page.run('return document.getElementById("scale").textContent')
     page.press('f')
     page.wait('return cost.calls < 20 && cost.drawn < 200')       # only visible benches are drawn
-    assert [said for level, said in page.log() if level != 'WARNING'] == []    # the warnings are about reading pixels
+    assert [said for level, said in page.log() if level != 'warning'] == []    # the warnings are about reading pixels
 
 
 # The difference between the canvas picture and WebGL pictures drawn at the same place and one pixel to the right.
@@ -458,7 +458,7 @@ def test_webgl_draws_the_picture_of_the_canvas_and_gives_way_to_it(big_server, p
     page.run('canvas.getContext("webgl2").getExtension("WEBGL_lose_context").loseContext()')
     page.wait('return !cost.webgl && cost.calls > 1')
     assert 'on a canvas' in page.run('return document.getElementById("scale").textContent')
-    assert [said for level, said in page.log() if level != 'WARNING'] == []
+    assert [said for level, said in page.log() if level != 'warning'] == []
 
 
 def test_the_page_follows_the_head_and_remembers_it(server, scene, page):
