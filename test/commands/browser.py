@@ -16,7 +16,8 @@ from pathlib import Path
 CHROMIUM = next((path for name in ('chromium', 'chromium-browser', 'google-chrome') if (path := shutil.which(name))),
                 None)
 ABSENT = 'no chromium on this machine; on Debian: apt install chromium'
-_FLAGS = ('--headless', '--remote-debugging-pipe', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-sync',
+_FLAGS = ('--headless', '--remote-debugging-pipe', '--no-sandbox', '--disable-gpu', '--disable-quic',
+          '--no-first-run', '--disable-sync',
           '--disable-background-networking', '--disable-component-update', '--window-size=1400,860',
           '--use-angle=swiftshader', '--enable-unsafe-swiftshader',     # WebGL in software
           # All pages are trusted and share one process: starting a process for each page would take as long as its
