@@ -56,8 +56,6 @@ def main(argv: list[str]) -> int:
     options.add_argument('--chains', type=float, metavar='N',
                          help=f'number of chains for the page promises ({_CHAINS:g}; 100,000 take 10 minutes); after '
                          'Ctrl-C, the page shows the chains computed so far')
-    options.add_argument('--readme', type=Path, metavar='FILE', help='also renew the table between the marks in FILE '
-                         "(for all: the checkout's README.md)")
     return command_line.guarded('cost', partial(_run, options.parse_args(argv)))
 
 
@@ -66,13 +64,13 @@ def _run(arguments: Namespace) -> int:
         return _all(arguments)
     if arguments.resume:
         raise InputError('--resume: it applies only to the page all; omit it')
-    _page(arguments.page, arguments, arguments.output or Path('cost'), arguments.readme)
+    _page(arguments.page, arguments, arguments.output or Path('cost'))
     return command_line.OK
 
 
 def _all(arguments: Namespace) -> int:
     """Measure every page in its own process; report failed pages and continue with the others."""
-    pages, readme = _CHECKOUT / 'docs' / 'cost', arguments.readme or _CHECKOUT / 'README.md'
+    pages = _CHECKOUT / 'docs' / 'cost'
     folder = arguments.output or (pages if pages.is_dir() else Path('cost'))
     failed = list[str]()
     names = [name for name in PAGES if name != 'promises' or arguments.chains is not None]      # it measures no times
@@ -83,8 +81,6 @@ def _all(arguments: Namespace) -> int:
         option = _EFFORTS.get(name, 'budget')
         effort = getattr(arguments, option)
         options = ['--output', folder, *([] if effort is None else [f'--{option}', effort])]
-        if readme.is_file() and _mark(name) in readme.read_text(encoding='utf-8'):
-            options += ['--readme', readme]
         measured = [sys.executable, '-m', 'benchmarks', name, *map(str, options)]
         if subprocess.run(measured, check=False).returncode:
             print(f'cost: page {name} failed, see above', file=sys.stderr)
@@ -99,7 +95,7 @@ def _is_new(page: Path) -> bool:
     return page.is_file() and circumstances() in page.read_text(encoding='utf-8')
 
 
-def _page(name: str, arguments: Namespace, folder: Path, readme: Path | None) -> None:
+def _page(name: str, arguments: Namespace, folder: Path) -> None:
     """Measure one page, write it, and print its table and the paths of the written files."""
     effort = _effort(name, arguments)
     try:
@@ -113,9 +109,6 @@ def _page(name: str, arguments: Namespace, folder: Path, readme: Path | None) ->
     except OSError as error:
         raise MissingError(f'--output {folder}: it cannot be written: {error.strerror}') from None
     print(page.table(rows))
-    if readme:
-        renew(readme, name, page.summary(rows) if hasattr(page, 'summary') else page.table(rows))
-        paths.append(readme)
     print('\n' + '\n'.join(map(str, paths)))
 
 
@@ -152,4 +145,4 @@ def renew(path: Path, page: str, text: str) -> None:
         tail = rest.split(_END, 1)[1]
         path.write_text(f'{head}{_mark(page)}\n{text}\n{_END}{tail}', encoding='utf-8')
     except (OSError, ValueError, IndexError):
-        raise MissingError(f'--readme {path}: it cannot be renewed; add the marks {_mark(page)} and {_END}') from None
+        raise MissingError(f'{path}: it cannot be renewed; add the marks {_mark(page)} and {_END}') from None

@@ -278,19 +278,6 @@ def _line(row: Row) -> str:
     return '| ' + ' | '.join(cells) + ' |'
 
 
-def summary(rows: list[Row]) -> str:
-    """Return the README's table: the tiers on the classic scene, and the number of kept promises."""
-    tiers = [row for name in TIERS for row in rows if (row.problem, row.solver) == ('classic', name)]
-    lines = ['| accuracy | largest error (m) | promise (m) | µs per tick | with velocities |',
-             '|---|---:|---:|---:|---:|']
-    lines += [f'| `{row.solver}` | {row.error_m:.1e} | {f"{row.promise_m:.0e}" if row.promise_m else "none"} '
-              f'| {_us(row.timing.median_s)} | {_us(row.with_velocities.median_s)} |'
-              for row in tiers if row.timing and row.with_velocities]
-    kept, broken = (sum(row.verdict == verdict for row in rows) for verdict in ('kept', 'BROKEN'))
-    hold = f'all {kept} promises hold' if not broken else f'{broken} of {kept + broken} promises are BROKEN'
-    return '\n'.join([*lines, '', f'On the {len(hard_cases())} hard cases, {hold}. {circumstances()}.'])
-
-
 def csv_text(rows: list[Row]) -> str:
     """Return the rows as CSV, with times in seconds."""
     none = Timing(np.nan, np.nan, np.nan, 0)

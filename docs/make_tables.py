@@ -31,7 +31,7 @@ from dragon_ros.scenes.load import PARTS  # noqa: E402
 from dragon_ros.scenes.schema import scene_schema  # noqa: E402
 from dragon_ros.verify import reading  # noqa: E402
 
-DOCUMENTS = (ROOT / 'README.md', *(ROOT / 'docs' / f'{name}.md' for name in ('reference', 'limits', 'api')))
+DOCUMENTS = tuple(ROOT / 'docs' / f'{name}.md' for name in ('reference', 'limits', 'api'))
 _MARKED = re.compile(r'(<!-- table (\w+) -->\n).*?(<!-- end -->)', re.DOTALL)
 _GONE = '-'
 # The notations of different numpy versions for the type of an array of floats.
@@ -78,14 +78,6 @@ def topics() -> str:
         (f'`{name}`', one.type.replace('/msg/', '/'), one.publisher,
          f'`{one.effect.names[0]}`' if one.effect else '', one.meaning + (', latched' if _says_late(one) else ''))
         for name, one in channels().items()))
-
-
-def topic_names() -> str:
-    """Return the names of the topics by their publisher."""
-    by_publisher = {one.publisher: [name for name, other in channels().items() if other.publisher == one.publisher]
-                    for one in channels().values()}
-    return '\n'.join(f'- `{publisher}` publishes {", ".join(f"`{name}`" for name in names)}.'
-                     for publisher, names in by_publisher.items())
 
 
 def _says_late(channel: Channel) -> bool:
@@ -271,7 +263,7 @@ def _prose(one: Any) -> str:
 
 
 TABLES: dict[str, Callable[[], str]] = {
-    'executables': executables, 'topic_names': topic_names, 'topics': topics, 'qualities': qualities,
+    'executables': executables, 'topics': topics, 'qualities': qualities,
     'scenes': scenes, 'keys': keys, 'effects': effects, 'tiers': tiers, 'limits': limits, 'api': api,
     'sim': lambda: parameters(params.SIM), 'monitor': lambda: parameters(params.MONITOR),
     'replay': lambda: parameters(params.REPLAY)}

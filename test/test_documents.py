@@ -84,8 +84,6 @@ SUBSTITUTES = {
     './dragon plot dragon --scene square --times': (
         'plot dragon --scene square --times 100 --dpi 30 --output square.png', 'a smaller picture'),
     './dragon plan --scene s': ('plan --help', 'like the plans above; test/commands/test_plan.py draws one of them'),
-    './dragon plot animation --start': ('plot animation --start 412.3 --stop 412.5 --pace 2 --output run.html',
-                                        'a shorter animation'),
     './dragon plot animation --stop': ('plot animation --start 412 --stop 412.48 --pace 2 --fps 8 --dpi 30 '
                                        '--output run.gif', 'a shorter animation'),
     './dragon plot speeds': ('plot speeds --times 0,60 --dpi 30 --output speeds.png',

@@ -1,4 +1,4 @@
-"""``./dragon cost`` preserves the pages' text and the README's rows, and measures the pages one by one."""
+"""``./dragon cost`` preserves the pages' text, and measures the pages one by one."""
 import pytest
 
 from benchmarks import command
