@@ -15,7 +15,7 @@ from dragon_ros.cli import figures
 from dragon_ros.cli.figures import HEAD, LINES, QUIET, thin_labels
 from dragon_ros.cli.pool import ALONE, Pool
 from dragon_ros.commands.plot.dragon import Overlaps, draw, overlaps, panel, sheet
-from dragon_ros.commands.plot.film import movie
+from dragon_ros.commands.plot.film import film, prepared_as
 from dragon_ros.commands.plot.film_layout import FilmLayout, film_layout
 from dragon_ros.commands.plot.zoom import INSET_WIDTH, Inset, Zoom, contact_of
 from dragon_ros.commands.sources import (
@@ -57,13 +57,12 @@ def frame_times(source: Source, start_s: float | None, stop_s: float | None, pac
 
 
 def animate(source: Source, times_s: Floats, fps: int, path: Path, drawn: 'AnimatedFigure', progress: Progress,
-            codec: str | None = None, pool: Pool = ALONE) -> Path:
+            pool: Pool = ALONE) -> Path:
     """Write a file with a frame for each time, and return the path; the processes of a pool draw the frames."""
-    with movie(path, drawn.size, fps, len(times_s), codec) as writer:
-        frames = pool.in_order(_Frames(drawn, writer.prepare), source.moments(times_s))
-        with closing(frames):
-            for frame in progress(frames):
-                writer.add(frame)
+    frames = pool.in_order(_Frames(drawn, prepared_as(path)), source.moments(times_s))
+    with film(path, drawn.size, fps) as add, closing(frames):
+        for frame in progress(frames):
+            add(frame)
     return path
 
 

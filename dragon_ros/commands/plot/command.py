@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _MOST_TIMES = 8         # largest number of times listed in a caption
 _DPI, _SIZE = 130, '1920x1080'
 _WINDOW = {'--around', '--span', '--follow'}
-_TAKES = {'.gif': {*_WINDOW, '--dpi'}, '.mp4': {*_WINDOW, '--size', '--codec'}, '.html': set[str]()}
+_TAKES = {'.gif': {*_WINDOW, '--dpi'}, '.mp4': {*_WINDOW, '--size'}, '.html': set[str]()}
 _KINDS = {      # description and example of each kind
     'dragon': ('the dragon at one time, or up to six side by side', '--times 60,240 --output dragon.png'),
     'contact': ('the first contact, with a close-up', '--bag run.mcap --output contact.svg'),
@@ -73,8 +73,6 @@ def _add_animation_options(parser: argparse.ArgumentParser) -> None:
                         'if --around is tail')
     parser.add_argument('--size', metavar='WIDTHxHEIGHT', help=f'frame size of an .mp4 in pixels ({_SIZE}); in a '
                         'square or tall one, the curves are below the dragon')
-    parser.add_argument('--codec', choices=('av1', 'h264'), help='codec of an .mp4: av1 (by Pillow) or h264 (by an '
-                        'installed ffmpeg); by default, the first that is available')
 
 
 def _run(arguments: Namespace) -> int:
@@ -98,13 +96,17 @@ def _run(arguments: Namespace) -> int:
 
 
 def _check_animation(arguments: Namespace, paths: list[Path]) -> None:
-    """Reject options that none of the files would use."""
+    """Reject options that none of the files would use, and formats that cannot be written."""
     kinds = sorted({path.suffix.lower() for path in paths})
     if all(kind in _TAKES for kind in kinds):
         given = {f'--{name}': getattr(arguments, name) not in (None, False)
-                 for name in ('around', 'span', 'follow', 'dpi', 'size', 'codec')}
+                 for name in ('around', 'span', 'follow', 'dpi', 'size')}
         command_line.check_taken(f'an animation in {" and ".join(kinds)}', given,
                                  set().union(*(_TAKES[kind] for kind in kinds)))
+    from dragon_ros.commands.plot.film import prepared_as
+    for path in paths:
+        if path.suffix.lower() != '.html':
+            prepared_as(path)
 
 
 def _draw(arguments: Namespace, source: 'Source', paths: list[Path], pool: 'Pool') -> list[Path]:
@@ -127,7 +129,7 @@ def _moving(arguments: Namespace, source: 'Source', path: Path, pool: 'Pool') ->
     zoom = _zoom(arguments)
     size = film_size(arguments.size or _SIZE) if kind == '.mp4' else None
     drawn = AnimatedFigure(source, times_s, zoom, arguments.follow, size, arguments.dpi or _DPI, _shown('states'))
-    return animate(source, times_s, fps, path, drawn, _shown('frames', len(times_s)), arguments.codec, pool)
+    return animate(source, times_s, fps, path, drawn, _shown('frames', len(times_s)), pool)
 
 
 def _zoom(arguments: Namespace) -> 'Zoom | None':
