@@ -16,6 +16,7 @@ from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
 from launch.events.process import ProcessExited
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
 from dragon_ros.core.errors import DragonError
 from dragon_ros.nodes.launch_plan import ARGUMENTS, LaunchedNode, LaunchPlan, misspelt, on, plan
@@ -50,7 +51,9 @@ def fail(event: ProcessExited, _: LaunchContext) -> None:
 
 def node(namespace: str, start: LaunchedNode) -> Node:
     """Return one executable of the package as a node."""
-    parameters: list[Any] = [start.parameters]
+    # Launch would read a text such as 0.001 as a number.
+    parameters: list[Any] = [{name: ParameterValue(value, value_type=str) if isinstance(value, str) else value
+                              for name, value in start.parameters.items()}]
     if start.file:
         parameters += [start.file, *([written(start)] if start.asked else [])]
     return Node(package='dragon_ros', executable=start.executable, name=start.executable, namespace=namespace,

@@ -36,9 +36,10 @@ def first_contact_in(bag: BagReader, namespace: str, walk: Walk | None, trust: b
         return {'source': 'scene', 't_s': None, 'unsearched': str(error)}
     if not isinstance(found, Contact):
         return {'source': 'scene', 't_s': None, **({'unsearched': walk.lack} if walk.lack else {})}
-    return {'source': 'scene', 't_s': found.t_s, 'benches': list(found.benches), 'point_m': list(found.point_m),
+    return {'source': 'scene', 't_s': found.t_s + walk.scene.run.stamp_offset_s,
+            'benches': list(found.benches), 'point_m': list(found.point_m),
             **({'obstacle': found.obstacle.name} if found.obstacle else {}),
-            'in_bag': bool(bag.start_ns <= found.t_s * NS <= bag.end_ns)}
+            'in_bag': bool(bag.start_ns <= walk.scene.run.stamp_ns(found.t_s) <= bag.end_ns)}
 
 
 def searched(scene: Scene, trust: bool) -> Contact | NoContact:

@@ -222,8 +222,11 @@ def _scene_lines(scene: dict[str, Any] | None) -> list[str]:
     dragon, track, run = scene['dragon'], scene['track'], scene['run']
     benches = dragon.get('benches') or sum(group['count'] for group in dragon['groups'])
     on = f'pitch {track["pitch_m"]:g} m' if 'pitch_m' in track else f'{counted(len(track["pieces"]), "piece")} of track'
+    offset_s = run.get('stamp_offset_s', 0)
+    later = f'; stamps are {offset_s!r} s later than the time of the simulation' if offset_s else ''
     return [f'  scene: {benches}{" mixed" if "groups" in dragon else ""} benches, {on}, {run["rate_hz"]:g} Hz from '
-            f'{run["start_s"]:g} s, accuracy {scene["accuracy"]}, effects {", ".join(scene["effects"]) or "none"}']
+            f'{run["start_s"]:g} s, accuracy {scene["accuracy"]}, effects {", ".join(scene["effects"]) or "none"}'
+            f'{later}']
 
 
 def _topic_lines(topics: list[dict[str, Any]]) -> list[str]:

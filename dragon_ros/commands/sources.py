@@ -128,7 +128,7 @@ class SceneSource:
     def span_s(self) -> tuple[float, float]:
         """The times (s) of the run's first and last tick."""
         run = self.scene.run
-        return run.start_ns / NS, run.time_ns(compile_scene(self.scene).last_tick) / NS
+        return run.seconds(run.start_ns), run.seconds(run.time_ns(compile_scene(self.scene).last_tick))
 
     @cached_property
     def track(self) -> Floats:
@@ -148,9 +148,9 @@ class SceneSource:
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
         """Return the times (s) of at most ``most`` evenly spaced ticks of the run between two times."""
         run = self.scene.run
-        first, last = (run.tick_at(round(t_s * NS)) for t_s in (start_s, stop_s))
-        numbers = thinned(max(0, first + (run.time_ns(first) < round(start_s * NS))), last, most)
-        return np.array([run.time_ns(k) for k in numbers.tolist()]) / NS
+        first, last = (run.tick_at(run.stamp_ns(t_s)) for t_s in (start_s, stop_s))
+        numbers = thinned(max(0, first + (run.time_ns(first) < run.stamp_ns(start_s))), last, most)
+        return np.array([run.seconds(run.time_ns(k)) for k in numbers.tolist()])
 
     def moments(self, times_s: Floats) -> Iterator[Moment]:
         """Yield the dragon at these times."""

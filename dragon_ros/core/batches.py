@@ -11,7 +11,7 @@ from dragon_ros.core.frame import Frame
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats, read_only
-from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import frame_of
 from dragon_ros.core.tiers import PAPER
 
@@ -31,7 +31,7 @@ def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
     size = max(1, _TICK_HANDLES // (scene.dragon.benches + 1)) if np.all(simulation.model.links_m) else 1
     for begin in range(first, stop, size):
         times_ns = [scene.run.time_ns(k) for k in range(begin, min(begin + size, stop))]
-        chains = [simulation.chain(t_ns / NS) for t_ns in times_ns]
+        chains = [simulation.chain(scene.run.seconds(t_ns)) for t_ns in times_ns]
         if size == 1:       # only the chain itself can compute the directions of zero-length links
             yield frame_of(simulation, begin, times_ns[0], chains[0])
             continue

@@ -266,11 +266,12 @@ class Simulation:
     @cached_property
     def last_tick(self) -> int:
         """The number of the last tick of the run."""
-        if self.end.t_s > LATEST_S:
-            raise FieldError('run.stop_s', None, f'the run would end at {self.end.t_s:.6g} s, after the last stamp, '
-                             f'{LATEST_S} s', 'give an earlier stop')
         run = self.scene.run
-        return run.tick_at(max(run.start_ns, floor(self.end.t_s * NS)))
+        last_stamp_s = self.end.t_s + run.stamp_offset_s
+        if last_stamp_s > LATEST_S:
+            raise FieldError('run.stop_s', None, f'the run would end at the stamp {last_stamp_s:.6g} s, after the last '
+                             f'possible stamp, {LATEST_S} s', 'give an earlier stop')
+        return run.tick_at(max(run.start_ns, floor(self.end.t_s * NS) + run.stamp_ns(0.0)))
 
     def time_ns(self, k: int) -> int:
         """Return the time of tick k. Raises FieldError if the run has no such tick."""

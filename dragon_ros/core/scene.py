@@ -1,7 +1,7 @@
 """A scene: the settings of everything that is simulated. ``model`` compiles it."""
 from dataclasses import dataclass, field
 from fractions import Fraction
-from functools import lru_cache
+from functools import cached_property, lru_cache
 
 from dragon_ros.core.chain.commanded import Commanded, HeadLaw, Walked
 from dragon_ros.core.chain.dragon import AnyDragon, Dragon, is_even
@@ -21,28 +21,47 @@ ACCURACIES = ('paper', 'preview', 'standard', 'fine', 'exact')
 
 @dataclass(frozen=True)
 class Run:
-    """The start, stop and tick rate of a run; if ``stop_s`` is None, the run lasts until the model ends."""
+    """The start, stop and tick rate of a run; if ``stop_s`` is None, the run lasts until the model ends.
+
+    Stamps are times of the simulation plus ``stamp_offset_s``: names in ``_s`` are times of the simulation, names in
+    ``_ns`` are stamps.
+    """
 
     start_s: float = 0.0
     stop_s: float | None = None
     rate_hz: float = 50.0
+    stamp_offset_s: float = 0.0
 
     def __post_init__(self) -> None:
         """Reject a run that ends before it starts."""
         settle(self, start_s=number('run.start_s', self.start_s, low=0.0, high=LATEST_S),
                rate_hz=number('run.rate_hz', self.rate_hz, low=1e-6, high=1e6))
+        settle(self, stamp_offset_s=number('run.stamp_offset_s', self.stamp_offset_s, low=-self.start_s,
+                                           high=LATEST_S - self.start_s))
         if self.stop_s is not None:
             settle(self, stop_s=number('run.stop_s', self.stop_s, high=LATEST_S))
             if self.stop_s < self.start_s:
                 raise FieldError('run.stop_s', self.stop_s, f'the run starts at {self.start_s} s', 'give a later stop')
 
+    @cached_property
+    def _offset_ns(self) -> int:
+        return round(self.stamp_offset_s * NS)
+
     @property
     def start_ns(self) -> int:
-        """The time of the first tick in nanoseconds."""
-        return round(self.start_s * NS)
+        """The stamp of the first tick in nanoseconds."""
+        return self.stamp_ns(self.start_s)
+
+    def stamp_ns(self, t_s: float) -> int:
+        """Return the stamp of a time of the simulation, in nanoseconds."""
+        return round(t_s * NS) + self._offset_ns
+
+    def seconds(self, t_ns: int) -> float:
+        """Return the time of the simulation at a stamp, in seconds."""
+        return (t_ns - self._offset_ns) / NS
 
     def time_ns(self, k: int) -> int:
-        """Return the time of tick k: start + k / rate, rounded down to a nanosecond, not accumulated from steps."""
+        """Return the stamp of tick k: start + k / rate, rounded down to a nanosecond, not accumulated from steps."""
         period, ticks = _period(self.rate_hz)
         return self.start_ns + k * period // ticks
 

@@ -14,14 +14,14 @@ from dragon_ros.core.frame import Frame
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.scene import Scene
 
 
 def tick(scene: Scene, k: int) -> Frame:
     """Return the frame of tick k, at the time ``scene.run.time_ns(k)``. Raises FieldError if there is no such tick."""
     simulation = compile_scene(scene)
     t_ns = simulation.time_ns(k)
-    return frame_of(simulation, k, t_ns, simulation.chain(t_ns / NS))
+    return frame_of(simulation, k, t_ns, simulation.chain(scene.run.seconds(t_ns)))
 
 
 def frame_of(simulation: Simulation, k: int | None, t_ns: int, chain: Chain, axis: Floats | None = None,
@@ -32,7 +32,7 @@ def frame_of(simulation: Simulation, k: int | None, t_ns: int, chain: Chain, axi
     or the ``benches`` are given, they are not computed again.
     """
     axis = axes_of(chain) if axis is None else axis
-    on, t_s, scene = simulation.on, t_ns / NS, simulation.scene
+    on, scene, t_s = simulation.on, simulation.scene, simulation.scene.run.seconds(t_ns)
     velocity = chain.velocities(scene.head.speed_at_m_s(t_s)) if on.velocity else None
     benches = (benches or benches_of(chain, scene.dragon, axis)) if on.benches else None
     closeness = effects.closeness(simulation, chain, benches) if on.clearance else None
@@ -57,16 +57,16 @@ def led_tick(simulation: Simulation, law: Walked, k: int) -> Frame:
     """Return the frame of tick k of a commanded dragon whose leader has followed this law so far."""
     led = Simulation(replace(simulation.scene, head=law), simulation.model)
     t_ns = led.scene.run.time_ns(k)
-    return frame_of(led, k, t_ns, led.chain(t_ns / NS))
+    return frame_of(led, k, t_ns, led.chain(led.scene.run.seconds(t_ns)))
 
 
 def contact_frame(scene: Scene, t_s: float) -> Frame:
     """Return the frame at the exact time of a contact, at the exact tier; its stamp is rounded to a nanosecond."""
     simulation = compile_scene(replace(scene, accuracy='exact'))
-    return frame_of(simulation, None, round(t_s * NS), simulation.chain(t_s))
+    return frame_of(simulation, None, scene.run.stamp_ns(t_s), simulation.chain(t_s))
 
 
 def ticks_before(scene: Scene, t_s: float) -> int:
     """Return the number of ticks before the stamp of a contact; a run that ends with the contact has one more frame."""
-    t_ns = round(t_s * NS)
+    t_ns = scene.run.stamp_ns(t_s)
     return scene.run.tick_at(t_ns - 1) + 1 if t_ns > scene.run.start_ns else 0

@@ -12,7 +12,7 @@ from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tiers import PAPER, TIERS, position_promise_m
 from dragon_ros.core.tracks.spec import Spiral
@@ -98,7 +98,7 @@ def _references(scene: Scene, budget_s: float) -> dict[float, Reference | None]:
 def _instants(scene: Scene) -> list[float]:
     """Return instants along the run, rounded down to steps of the paper's recipe unless the run starts later."""
     simulation = compile_scene(scene)
-    start_s, stop_s = (scene.run.time_ns(k) / NS for k in (0, simulation.last_tick))
+    start_s, stop_s = (scene.run.seconds(scene.run.time_ns(k)) for k in (0, simulation.last_tick))
     times = [start_s + part * (stop_s - start_s) for part in _PLACES]
     whole = [int(t_s / _STEP_S + 1e-9) / (1 / _STEP_S) for t_s in times]
     return list(dict.fromkeys(at if start_s <= at <= t_s else t_s for at, t_s in zip(whole, times, strict=True)))

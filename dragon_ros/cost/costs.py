@@ -8,7 +8,7 @@ from dragon_ros.core.chain.commanded import Commanded
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.flags import known
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.scene import Scene
 from dragon_ros.cost import accuracy, bags, contact
 from dragon_ros.cost.accuracy import Accuracy, Solver
 from dragon_ros.cost.bags import BagCost
@@ -54,7 +54,7 @@ def measure(scene: Scene, name: str, budget_s: float, done: Callable[[str], obje
     search = contact.measure(scene, budget_s)
     written = bags.measure(scene, budget_s, done)
     last = compile_scene(scene).last_tick
-    start_s, stop_s = (scene.run.time_ns(k) / NS for k in (0, last))
+    start_s, stop_s = (scene.run.seconds(scene.run.time_ns(k)) for k in (0, last))
     return Costs(name, scene.dragon.benches, last + 1, start_s, stop_s, scene.run.rate_hz, tuple(scene.effects.names),
                  solvers, tuple(prices), search, written, circumstances())
 

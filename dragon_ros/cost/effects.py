@@ -9,7 +9,7 @@ from dragon_ros.core.flags import NEEDS, Effect, known
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.geometry.rectangles import benches_of
 from dragon_ros.core.model import Simulation, compile_scene
-from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import frame_of, state, tick
 from dragon_ros.cost.measure import Timing, timing_of
 from dragon_ros.messages.channels import live
@@ -20,21 +20,27 @@ ALONE = 'alone'
 LEAST, MOST = 15, 400         # number of calls
 _PLACES, _RUN = 7, 20           # number of starting points along a run, and of consecutive ticks from each
 Call = Callable[[], object]
+
+
+def _t_s(of: Simulation, to: Frame) -> float:
+    return of.scene.run.seconds(to.t_ns)
+
+
 # The field of each effect, and a function that computes this field in the same way as ``frame_of`` does. The function
 # uses a frame that contains all fields that the effect needs. A test compares the results with those of ``frame_of``.
 # If ``frame_of`` itself called functions from such a table, a tick would take 1.05 times as long.
 FIELDS: dict[Effect, tuple[str, Callable[[Simulation, Frame], Any]]] = {
-    Effect.VELOCITY: ('velocity_m_s', lambda of, to: to.chain.velocities(of.scene.head.speed_at_m_s(to.t_ns / NS))),
+    Effect.VELOCITY: ('velocity_m_s', lambda of, to: to.chain.velocities(of.scene.head.speed_at_m_s(_t_s(of, to)))),
     Effect.BENCHES: ('benches', lambda of, to: benches_of(to.chain, of.scene.dragon, to.axis)),
     Effect.CLEARANCE: ('closeness', lambda of, to: effects.closeness(of, to.chain, to.benches)),
     Effect.CONTACT: ('contacts', lambda of, to: effects.contacts(of, to.closeness, to.benches)),
-    Effect.ACCELERATIONS: ('acceleration_m_s2', lambda of, to: effects.accelerations(of, to.t_ns / NS, to.chain)),
+    Effect.ACCELERATIONS: ('acceleration_m_s2', lambda of, to: effects.accelerations(of, _t_s(of, to), to.chain)),
     Effect.FORCES: ('tension_n_kg', lambda _, to: effects.tensions(to.chain, to.acceleration_m_s2)),
     Effect.NOISE: ('measured', lambda of, to: effects.noisy_handles(of.scene.noise, None, to.t_ns, to.chain.p,
                                                                     to.axis)),
-    Effect.TRAILS: ('trail_m', lambda of, to: effects.trail(of, to.t_ns / NS)),
+    Effect.TRAILS: ('trail_m', lambda of, to: effects.trail(of, _t_s(of, to))),
     Effect.DIAGNOSTICS: ('health', lambda of, to: effects.chain_health(to.chain, of.promise_m)),
-    Effect.LEADER: ('leader', lambda of, to: effects.leader_motion(of, to.t_ns / NS, to.chain)),
+    Effect.LEADER: ('leader', lambda of, to: effects.leader_motion(of, _t_s(of, to), to.chain)),
     Effect.JOINTS: ('joint_rad', lambda _, to: effects.joint_angles(to.axis))}
 
 
@@ -74,7 +80,7 @@ def _own(effect: Effect, scene: Scene, encode: list[Encode], budget_s: float) ->
     name, compute = FIELDS.get(effect, ('', None))
     while len(spent) <= LEAST or (sum(spent) < budget_s and len(spent) < MOST):
         t_ns = times[len(spent) % len(times)]
-        frame = frame_of(simulation, None, t_ns, state(scene, t_ns / NS))
+        frame = frame_of(simulation, None, t_ns, state(scene, scene.run.seconds(t_ns)))
         start = time.perf_counter()
         if compute:
             frame = frame._replace(**{name: compute(simulation, frame)})

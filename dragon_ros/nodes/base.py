@@ -62,7 +62,9 @@ def _wrong_type(parameter: Parameter, value: Any) -> str:
 
 
 def widened(parameter: Parameter, value: Any) -> Any:
-    """Return the value, converted to a float if a float parameter is given an integer: ``-p rate_hz:=50``."""
+    """Return the value, converted to a float for ``-p rate_hz:=50``, and to text for ``-p accuracy:=0.001``."""
+    if parameter.or_number and type(value) in (int, float):
+        return repr(value)
     return float(value) if isinstance(parameter.default, float) and type(value) is int else value
 
 

@@ -79,7 +79,8 @@ def replay(argv: list[str]) -> int:
     options.add_argument('--end', type=float, metavar='S', help='seconds from the start of the bag at which to stop '
                          '(default: its end)')
     options.add_argument('--loop', action='store_true', help='restart at the end')
-    options.add_argument('--clock', action='store_true', help="publish the bag's time on /clock")
+    options.add_argument('--clock', action='store_true', help="publish the bag's time on /clock, unless the bag "
+                         'contains /clock or another node publishes it')
     options.add_argument('--topics', type=_names, metavar='NAME,...', help='publish only these topics: full names or, '
                          'if the bag has only one dragon, names in its namespace, such as handles')
     options.add_argument('--into', metavar='NAMESPACE', help="publish the bag's dragon in this namespace (default: "

@@ -10,7 +10,6 @@ from typing import Protocol
 from std_srvs.srv import Trigger
 
 from dragon_ros.core.errors import DragonError
-from dragon_ros.core.scene import NS
 from dragon_ros.core.words import counted
 from dragon_ros.nodes import logs
 from dragon_ros.nodes.base import STEADY, DragonNode
@@ -43,6 +42,12 @@ class PlaySource(Protocol):
 
     def seek(self, t_ns: int | None) -> None:
         """Move to the last frame at or before ``t_ns`` (None: the first). Raises DragonError if there is no frame."""
+
+    def stamp_ns(self, t_s: float) -> int:
+        """Return the simulation time of a frame, given its time in seconds as users give and read it."""
+
+    def seconds(self, t_ns: int) -> float:
+        """Return the time in seconds that ``stamp_ns`` accepts."""
 
     def place(self) -> str:
         """Describe the position of the last frame shown."""
@@ -140,7 +145,7 @@ class Player:
     def seek(self) -> str:
         """Show the last frame at or before ``seek_s`` (negative: the first frame); a paused player stays paused."""
         seek_s = self._node.setting['seek_s']
-        return self.seek_to(None if seek_s < 0 else round(seek_s * NS))
+        return self.seek_to(None if seek_s < 0 else self._source.stamp_ns(seek_s))
 
     def seek_to(self, t_ns: int | None) -> str:
         """Show the last frame at or before ``t_ns`` (None: the first). Raises DragonError if there is no frame."""
@@ -281,8 +286,8 @@ class Player:
             left = '' if left_s is None else f', {left_s:.0f} s left'
             logs.progress(self._node.get_logger(), f'{self._source.place()}{left}, '
                           f'{counted(pacer.overruns, "overrun")}', {
-                              't_s': (pacer.last_ns or 0) / NS, 'left_s': left_s, 'overruns': pacer.overruns,
-                              'time_scale': pacer.scale})
+                              't_s': self._source.seconds(pacer.last_ns or 0), 'left_s': left_s,
+                              'overruns': pacer.overruns, 'time_scale': pacer.scale})
             self._note_place()
 
     def _left_s(self) -> float | None:

@@ -7,7 +7,7 @@ from dragon_ros.core.batches import ticks
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import Simulation, compile_scene
-from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.certificate import Contact
 from dragon_ros.core.step import contact_frame, tick, ticks_before
 from dragon_ros.core.words import counted
@@ -36,6 +36,7 @@ class Frames:
         self._ticks = min(count, ticks_before(scene, contact.t_s)) if contact else count
         self.count = self._ticks + (contact is not None)
         self.k = 0
+        self.stamp_ns, self.seconds = scene.run.stamp_ns, scene.run.seconds
         self._group = max(1, _TOGETHER_HANDLES // (scene.dragon.benches + 1)) if together else 1
         self.ahead: deque[Frame] = deque()      # frames that have been computed, in order; a seek may skip them
 
@@ -83,15 +84,16 @@ class Frames:
     def check_time(self, t_ns: int) -> None:
         """Raise FieldError if ``t_ns`` is before the first frame or after the end of the run."""
         first, last = self._time_ns(0), self.last_ns()
-        end = max(last, round(compile_scene(self._scene).end.t_s * NS)) if self._last is None else last
+        run = self._scene.run
+        end = max(last, run.stamp_ns(compile_scene(self._scene).end.t_s)) if self._last is None else last
         if not first <= t_ns <= end:
-            raise FieldError('seek_s', t_ns / NS, f'the run goes from {first / NS:.9g} s to {end / NS:.9g} s',
-                             'give a time in this range')
+            raise FieldError('seek_s', run.seconds(t_ns), f'the run goes from {run.seconds(first):.9g} s to '
+                             f'{run.seconds(end):.9g} s', 'give a time in this range')
 
     def place(self) -> str:
         """Describe the position of the last frame taken."""
         k = max(self.k - 1, 0)
-        return f'at {self._time_ns(k) / NS:.3f} s, tick {k} of {self.count}'
+        return f'at {self._scene.run.seconds(self._time_ns(k)):.3f} s, tick {k} of {self.count}'
 
     def ending(self) -> str:
         """Return why there is no next frame."""

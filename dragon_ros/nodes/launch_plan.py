@@ -17,7 +17,7 @@ from dragon_ros.scenes.load import load_scene
 _WATCHED = ('handles', 'benches')
 _VENUE = 'venue'
 _MISSPELT = 0.75                # difflib ratio: scen is a misspelt scene (0.89); use_rviz is another name (0.67)
-_ARGUMENT_OF = {'rate_hz': 'rate', 'warn_below_m': 'warn_below', 'publish_clock': 'use_sim_time'}  # if names differ
+_ARGUMENT_OF = {'rate_hz': 'rate', 'warn_below_m': 'warn_below', 'publish_clock': 'clock'}  # if names differ
 YES_NO = ('true', 'false', 'True', 'False')       # launch files in Python write True
 
 
@@ -49,7 +49,10 @@ ARGUMENTS = (
                                     'file has pushed, unless it starts with /'),
     Argument('frame_id', '', 'frame of all messages; empty: the same as the namespace, or as in the bag'),
     Argument('params_file', '', 'YAML file with parameters of the nodes; launch arguments take precedence if given'),
-    Argument('use_sim_time', 'false', 'the sim or replay publishes /clock, which the other nodes follow', YES_NO),
+    Argument('clock', 'true', 'the sim or replay publishes /clock, unless another node does', YES_NO),
+    Argument('use_sim_time', 'false', 'all nodes follow /clock', YES_NO),
+    Argument('stamp_offset', '', 'seconds by which stamps, /clock and bag times are later than the time of the '
+             'simulation, or wall: the first tick has the wall time; empty: as in the scene', concerns='sim'),
     Argument('publish_tf', 'false', 'publish the head and the tail on /tf', YES_NO, concerns='sim'),
     Argument('monitor', 'true', 'report contacts and clearance, if benches are published', YES_NO),
     Argument('warn_below', '0.02', 'clearance in metres below which the monitor warns', concerns='monitor'),
@@ -249,7 +252,8 @@ def _sim(given: Mapping[str, str], namespace: str, watching: bool) -> _ObservedN
     return _ObservedNode(LaunchedNode('sim', [], {
         'scene': given['scene'], 'set': changes or [''], 'accuracy': given['accuracy'], 'at_end': _at_end(given),
         'time_scale': _number(given, 'time_scale'), 'on_contact': given['on_contact'], 'frame_id': frame_id,
-        'publish_clock': on(given, 'use_sim_time'), 'publish_tf': on(given, 'publish_tf'),
+        'stamp_offset': given['stamp_offset'],
+        'publish_clock': on(given, 'clock'), 'publish_tf': on(given, 'publish_tf'),
         'wait_subscribers': wait, 'discovery_s': _number(given, 'discovery_s'), **optional}), frame_id, seen)
 
 
@@ -260,7 +264,7 @@ def _replay(given: Mapping[str, str], namespace: str, watching: bool) -> _Observ
     """
     parameters = {'time_scale': _number(given, 'time_scale'), 'at_end': _at_end(given),
                   'discovery_s': _number(given, 'discovery_s')}
-    arguments, clock = [given['replay'], '--into', namespace], on(given, 'use_sim_time')
+    arguments = [given['replay'], '--into', namespace]
     frame_id, seen = FRAME_ID, None
     try:
         with BagReader(Path(given['replay'])) as bag:
@@ -275,8 +279,7 @@ def _replay(given: Mapping[str, str], namespace: str, watching: bool) -> _Observ
         played = [name for name in names if not (watching and name in rows and rows[name].publisher == 'monitor')]
         waited = [f'{name}={_wanted(given, rows[name], watching)}' for name in played if name in rows]
         arguments += ['--topics', ','.join(played), '--wait-subscribers', ','.join(waited), *_part(given, *span_ns)]
-        clock = clock and '/clock' not in names
-    start = LaunchedNode('replay', arguments, {**parameters, 'publish_clock': clock})
+    start = LaunchedNode('replay', arguments, {**parameters, 'publish_clock': on(given, 'clock')})
     return _ObservedNode(start, given['frame_id'] or frame_id, seen)
 
 

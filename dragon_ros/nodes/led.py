@@ -106,12 +106,13 @@ class LedFrames:
         self._minds_contact = on_contact != 'continue'
         self.count = self._simulation.last_tick + 1
         self.k = 0
+        self.stamp_ns, self.seconds = scene.run.stamp_ns, scene.run.seconds
         self._law: Walked | None = None
         self._stopped, self._brakes = '', False
 
     def prepare(self) -> None:
         """Build the tables of the first frame, and start building those of the run."""
-        led_tick(self._simulation, walked_from(self._settings, self._scene.run.time_ns(0) / NS), 0)
+        led_tick(self._simulation, walked_from(self._settings, self._t_s(0)), 0)
         self.tables = build_tables(self._simulation)
 
     def next_ns(self) -> int | None:
@@ -124,7 +125,7 @@ class LedFrames:
 
     def take(self) -> Frame:
         """Return the next frame and advance."""
-        t_s = self._scene.run.time_ns(self.k) / NS
+        t_s = self._t_s(self.k)
         self._law = self._next_law(t_s) if self._law else walked_from(self._settings, t_s)
         frame = led_tick(self._simulation, self._law, self.k)
         if self._minds_contact and (pairs := touching(self._simulation, frame)):
@@ -149,14 +150,18 @@ class LedFrames:
             self._say(f'braking: {what} when the leader has travelled {limit.gone_m:.6f} m')
         self._brakes = limit is not None
 
+    def _t_s(self, k: int) -> float:
+        """Return the time of tick k in the simulation."""
+        return self.seconds(self._scene.run.time_ns(k))
+
     def rewind(self) -> None:
         """Restart from rest."""
         self.k, self._law, self._stopped, self._brakes = 0, None, '', False
 
     def seek(self, t_ns: int | None) -> None:
         """Raise FieldError, because future commands are unknown and past commands are not kept."""
-        raise FieldError('seek_s', -1 if t_ns is None else t_ns / NS, 'a led dragon cannot seek, because its ticks '
-                         'depend on live commands', 'reset it to start again')
+        raise FieldError('seek_s', -1 if t_ns is None else self.seconds(t_ns), 'a led dragon cannot seek, because '
+                         'its ticks depend on live commands', 'reset it to start again')
 
     def check_time(self, t_ns: int) -> None:
         """Raise FieldError, as ``seek`` does."""
@@ -165,7 +170,7 @@ class LedFrames:
     def place(self) -> str:
         """Describe the position of the last frame taken."""
         k, gone_m = max(self.k - 1, 0), float(self._law.reached_m[-1]) if self._law else 0.0
-        return f'at {self._scene.run.time_ns(k) / NS:.3f} s, tick {k}, {gone_m:.3f} m travelled'
+        return f'at {self._t_s(k):.3f} s, tick {k}, {gone_m:.3f} m travelled'
 
     def ending(self) -> str:
         """Return why there is no next frame."""

@@ -22,6 +22,7 @@ class Parameter(NamedTuple):
     high: float | None = None
     choices: tuple[str, ...] = ()
     live: bool = False
+    or_number: bool = False     # a text that may be a number
 
 
 # For every node that plays frames; nodes/controls.py reads them.
@@ -31,8 +32,8 @@ CONTROLS = (
               'negative: the start', -1.0, LATEST_S, live=True),
     Parameter('at_end', 'stop', 'At the end: stop (the node ends); hold (the node waits for reset, seek or step); '
               'loop (the run restarts)', choices=('stop', 'hold', 'loop'), live=True),
-    Parameter('publish_clock', False, 'Publish the simulation time on /clock: at each tick, and every second while '
-              'time is stopped'),
+    Parameter('publish_clock', False, 'Publish the simulation time on /clock, unless another node does: at each tick, '
+              'and every second while time is stopped'),
 )
 _DISCOVERY = Parameter('discovery_s', -1.0, 'Seconds to wait for the discovery of readers before the first tick; '
                        f'negative: {DISCOVERY_S:g}, or 0 if wait_subscribers lists topics', -1.0, 60.0)
@@ -40,10 +41,12 @@ SIM = (
     Parameter('scene', 'winding', 'Scene: a name (see msg_configs/scenes) or the path of a .yaml file'),
     Parameter('set', [''], 'Overrides of scene keys, each as key=value with a dotted key; those of the option --set '
               'are applied afterwards'),
-    Parameter('accuracy', '', 'Largest position error, in metres or as a tier; empty: as in the scene'),
+    Parameter('accuracy', '', 'Largest position error, in metres or as a tier; empty: as in the scene', or_number=True),
     Parameter('start_s', _AS_SCENE, 'Time of the first tick in seconds; negative: as in the scene', -1.0, LATEST_S),
     Parameter('stop_s', _AS_SCENE, 'Time of the end of the run in seconds; negative: as in the scene', -1.0, LATEST_S),
     Parameter('rate_hz', _AS_SCENE, 'Ticks per second of simulation; negative: as in the scene', -1.0, 1e6),
+    Parameter('stamp_offset', '', 'Seconds by which all stamps, /clock and bag times are later than the time of the '
+              'simulation, or wall: the first tick has the wall time; empty: as in the scene', or_number=True),
     Parameter('time_scale', 1.0, 'Seconds of simulation per second of wall time; 0, which can only be set at the '
                                  'start: as fast as the readers can follow', 0.0, 1e6, live=True),
     Parameter('wait_subscribers', [''], 'Start when topics have this many subscribers, for example [handles=2, '

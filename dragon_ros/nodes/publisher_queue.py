@@ -39,6 +39,11 @@ def wanted_readers(texts: Iterable[str], publishers: Mapping[str, Publisher]) ->
     return wanted
 
 
+def discovery_of(discovery_s: float, texts: Iterable[str]) -> float:
+    """Return how many seconds to wait for discovery, which a negative value leaves to the names of readers."""
+    return discovery_s if discovery_s >= 0 else 0.0 if any(texts) else DISCOVERY_S
+
+
 class StartGate:
     """Decides when the first message may be sent, so that awaited and discovered readers receive it.
 
@@ -51,8 +56,7 @@ class StartGate:
     def __init__(self, publishers: Mapping[str, Publisher], texts: Iterable[str], discovery_s: float) -> None:
         """Wait for the subscribers in ``texts``, such as handles=2, and for discovery. Raises InputError."""
         self._wanted, self._publishers = wanted_readers(texts, publishers), tuple(publishers.values())
-        if discovery_s < 0:
-            discovery_s = 0.0 if self._wanted else DISCOVERY_S
+        discovery_s = discovery_of(discovery_s, texts)
         self._found, self._changed_s = 0, time.monotonic()
         self._end_s = self._changed_s + discovery_s
         self._settled_s = min(_SETTLED_S, discovery_s)

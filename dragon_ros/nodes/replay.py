@@ -11,16 +11,14 @@ from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.errors import FieldError, InputError
 from dragon_ros.core.scene import NS
 from dragon_ros.core.words import counted
-from dragon_ros.nodes import keys, publisher_queue, qos, shell
+from dragon_ros.nodes import clock, keys, publisher_queue, qos, shell
 from dragon_ros.nodes.base import DragonNode
-from dragon_ros.nodes.clock import ClockPublisher
 from dragon_ros.nodes.controls import STANDARD, Player
 from dragon_ros.nodes.entities import TOPICS, Bodies, bodies_of_messages
 from dragon_ros.nodes.params import REPLAY
 from dragon_ros.nodes.replay_source import ReplaySource
 
 _JUMP_S = 5.0
-_CLOCK = '/clock'
 
 
 class Choice(NamedTuple):
@@ -55,10 +53,8 @@ class Replay(DragonNode):
             from dragon_ros.nodes.simulation_interfaces import SimulationInterfaces
             SimulationInterfaces(self, self.player, self._watched(bag))
         self.source.also.append(self._note_late)
-        if self.setting['publish_clock']:
-            if _CLOCK in self.topic_publishers:
-                raise InputError(f'--clock: the bag already contains {_CLOCK}; choose --topics without it')
-            self.source.also.append(ClockPublisher(self, start_ns).publish)
+        if self.setting['publish_clock'] and clock.TOPIC not in self.topic_publishers:      # else the recorded one
+            self.source.also.append(clock.ClockPublisher(self, start_ns).publish)
 
     @property
     def actions(self) -> dict[str, Callable[[], str]]:

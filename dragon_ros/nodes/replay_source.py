@@ -98,6 +98,14 @@ class ReplaySource:
             last = message.t_ns
         self._go_to(last if last > self._start_ns else self._last_before(t_ns))
 
+    def stamp_ns(self, t_s: float) -> int:
+        """Return a log time in nanoseconds."""
+        return round(t_s * NS)
+
+    def seconds(self, t_ns: int) -> float:
+        """Return a log time in seconds."""
+        return t_ns / NS
+
     def check_time(self, t_ns: int) -> None:
         """Raise FieldError if ``t_ns`` is outside the played part."""
         if not self._start_ns <= t_ns <= self._end_ns:

@@ -1,6 +1,8 @@
 """``sim``: simulates a scene tick by tick and publishes each tick as bytes."""
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
 from typing import Any
 
 from rclpy.parameter import Parameter as RosParameter
@@ -9,10 +11,10 @@ from rclpy.publisher import Publisher
 from dragon_ros.bags.read.frames import keep_s
 from dragon_ros.cli import command_line
 from dragon_ros.core.chain.commanded import Commanded
-from dragon_ros.core.errors import FieldError, MissingError
+from dragon_ros.core.errors import FieldError, InputError, MissingError, shown
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.frame import Frame
-from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.messages.cdr import string_message
@@ -45,6 +47,7 @@ class Broadcast:
         self.also: list[Callable[[Frame], None]] = []
         self.next_ns, self.last_ns, self.rewind = frames.next_ns, frames.last_ns, frames.rewind
         self.seek, self.place, self.ending = frames.seek, frames.place, frames.ending
+        self.stamp_ns, self.seconds = frames.stamp_ns, frames.seconds
 
     def show(self) -> None:
         """Publish the next frame and advance."""
@@ -97,7 +100,7 @@ class Sim(DragonNode):
     def refuse(self, name: str, value: Any) -> None:
         """Raise DragonError if a live parameter must not be set to this value."""
         if name == 'seek_s' and value >= 0:
-            self._frames.frames.check_time(round(value * NS))
+            self._frames.frames.check_time(self._frames.stamp_ns(value))
         if name == 'time_scale' and value == 0 and not self._lossless:
             raise FieldError('time_scale', value, 'a lossless run needs lossless topics from the start',
                              'start sim with time_scale:=0.0, or set a value above 0')
@@ -175,7 +178,25 @@ def _scene_of(value: dict[str, Any]) -> Scene:
     """Return the scene that the parameters describe."""
     changed = [f'run.{key}={value[key]!r}' for key in ('start_s', 'stop_s', 'rate_hz') if value[key] >= 0]
     accuracy = [f'accuracy={value["accuracy"]}'] if value['accuracy'] else []
-    return load_scene(value['scene'], [*filter(None, value['set']), *accuracy, *changed])
+    scene = load_scene(value['scene'], [*filter(None, value['set']), *accuracy, *changed])
+    if not value['stamp_offset']:
+        return scene
+    return replace(scene, run=replace(scene.run, stamp_offset_s=_stamp_offset_s(value, scene.run.start_s)))
+
+
+def _stamp_offset_s(value: dict[str, Any], start_s: float) -> float:
+    """Return the offset of stamps in seconds; with 'wall', the first tick has the wall time at which it is due.
+
+    Raises InputError for any other text.
+    """
+    if value['stamp_offset'] == 'wall':
+        wait_s = publisher_queue.discovery_of(value['discovery_s'], value['wait_subscribers'])
+        return round(time.time() + wait_s - start_s, 3)
+    try:
+        return float(value['stamp_offset'])
+    except ValueError:
+        raise InputError(f'parameter stamp_offset: {shown(value["stamp_offset"])} is neither wall nor a number of '
+                         'seconds') from None
 
 
 def run(given: dict[str, Any], stop: threading.Event) -> int:

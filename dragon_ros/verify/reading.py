@@ -271,7 +271,7 @@ def _scene(value: Any) -> Scene:
                   {'noise', 'trails', 'accuracy', 'effects', 'solver', 'markers', 'about', 'venue'})
     lengths, width_m, inset_m = _dragon(scene['dragon'])
     law, tail_leads = _head(scene['head'])
-    run = _keys('scene.run', scene['run'], {'start_s', 'stop_s'}, {'rate_hz'})
+    run = _keys('scene.run', scene['run'], {'start_s', 'stop_s'}, {'rate_hz', 'stamp_offset_s'})
     start_s = _number('scene.run.start_s', run['start_s'], 0, _LATEST_S)
     stop_s = None if run['stop_s'] is None else _number('scene.run.stop_s', run['stop_s'], start_s, _LATEST_S)
     venue = None if scene.get('venue') is None else _venue(scene['venue'])

@@ -560,7 +560,9 @@ def _farthest_m(off: Array, link_m: float) -> float:
 
 
 def _speed_m_s(frame: Frame, scene: Scene) -> float:
-    return frame.leader.speed_m_s if scene.is_led and frame.leader else scene.head.speed_at_m_s(frame.t_ns / NS)
+    if scene.is_led and frame.leader:
+        return frame.leader.speed_m_s
+    return scene.head.speed_at_m_s(scene.run.seconds(frame.t_ns))
 
 
 def _off_of_others_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, result: Comparison) -> float:

@@ -193,7 +193,7 @@ def law_on(scene: Scene, law: Walked | None, t_ns: int, speed_m_s: float) -> Wal
 
     Raises InputError for a speed that the scene does not allow.
     """
-    settings, t_s = scene.head, t_ns / NS
+    settings, t_s = scene.head, scene.run.seconds(t_ns)
     assert isinstance(settings, Commanded)
     if not abs(speed_m_s) <= (settings.max_speed_m_s if law else 0.0):
         raise InputError(f'leader at {t_s:.9f} s: a speed of {speed_m_s!r} m/s; the scene allows '
@@ -243,13 +243,13 @@ def walk_in(bag: BagReader, scene: Scene, namespace: str) -> Walk:
             raise InputError(f'{bag.path}: its dragon was led for more than {LED_TICKS} ticks, the limit for '
                              'reading a run back')
         law = law_on(scene, law, t_ns, speed_m_s)
-        walked.append((t_ns / NS, speed_m_s))
+        walked.append((scene.run.seconds(t_ns), speed_m_s))
     if not walked:
         raise InputError(f'{bag.path}: its dragon was led from outside, but the speeds on topic leader do not begin '
                          'with the first tick; record a run from its beginning')
     last_s = walked[-1][0]
     led = replace(scene, head=profile_of(scene.head, walked), run=replace(scene.run, stop_s=last_s))
-    return Walk(led, last_s, max(last_s, _last_stamp_ns(bag, namespace) / NS))
+    return Walk(led, last_s, max(last_s, scene.run.seconds(_last_stamp_ns(bag, namespace))))
 
 
 def _last_stamp_ns(bag: BagReader, namespace: str) -> int:
