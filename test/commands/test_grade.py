@@ -23,7 +23,16 @@ from dragon_ros.commands.contest.mistakes import (
 from dragon_ros.commands.grade import team
 from dragon_ros.commands.grade.diagnosis import _along_track, answer_findings, nice, rounded_to, share
 from dragon_ros.commands.grade.layout import GivenResult
-from dragon_ros.commands.grade.tables import COLUMNS, csv_text, json_text, keys_of, looks_like, text_of
+from dragon_ros.commands.grade.tables import (
+    COLUMNS,
+    causes_of,
+    csv_text,
+    json_text,
+    keys_of,
+    lacks_of,
+    looks_like,
+    text_of,
+)
 from dragon_ros.commands.grade.team import Problem, Team, TeamGrade, answer_grade, grade_team, grades_of
 from dragon_ros.commands.grade.truth import contact_s, state_at, truth_at, turned_scene, wound_scene
 from dragon_ros.core.chain.dragon import Dragon
@@ -297,10 +306,16 @@ def test_a_mistake_of_speeds_is_named(key):
     assert speeds.explains >= 0.99
 
 
-def test_speeds_that_follow_from_wrong_positions_are_said_to():
+def test_a_cause_that_is_found_in_the_positions_explains_the_speeds_that_follow_from_them():
     theta = placed_angles(EXACT(TIMES), chord(0.01), links_of())
     _, speeds = grades_of('result1', given(points(theta), mistakes.projected(theta)))
-    assert plain(speeds.findings) == 'speeds_of_given'
+    assert plain(speeds.findings) == 'chord_short(short=0.01)'
+
+
+def test_speeds_that_follow_from_inexplicable_positions_are_said_to_agree_with_them():
+    theta = placed_angles(EXACT(TIMES + 0.3 * np.sin(TIMES)), chord(), links_of())
+    positions, speeds = grades_of('result1', given(points(theta), mistakes.projected(theta)))
+    assert (positions.findings[-1].key, plain(speeds.findings)) == ('unknown', 'speeds_of_given')
 
 
 @pytest.mark.parametrize(('t_s', 'keys'), [
@@ -414,12 +429,16 @@ def test_a_wrong_parameter_explains_less():
 
 
 @pytest.mark.parametrize(('question', 'value', 'verdict', 'keys'), [
-    ('t_s', 412.473838, 'right', ''), ('t_s', 412.47, 'right', ''), ('t_s', 412.48, 'close', 'looked(step=0.01)'),
-    ('t_s', 412.5, 'close', 'looked(step=0.1)'), ('t_s', 412.0, 'wrong', 'looked_before(step=1)'),
+    ('t_s', 412.473838, 'right', ''), ('t_s', 412.47, 'right', 'right_to(digits=2)'),
+    ('t_s', 412.48, 'close', 'looked(step=0.01)'), ('t_s', 412.5, 'wrong', 'looked(step=0.1)'),
+    ('t_s', 412.0, 'wrong', 'looked_before(step=1)'),
     ('t_s', 412.474054, 'close', 'bracket_slip_short'),
     ('t_s', 413.0, 'wrong', 'looked(step=1)'), ('t_s', 412.3, 'wrong', 'paper_contact'),
     ('t_s', 409.700394, 'wrong', 'near_counts(near=0.001)'), ('t_s', 400.0, 'wrong', 'unknown'),
-    ('pitch_m', 0.450337, 'right', ''), ('pitch_m', 0.45034, 'right', ''), ('pitch_m', 0.417138, 'wrong', 'on_circle'),
+    ('pitch_m', 0.450337, 'right', ''), ('pitch_m', 0.45034, 'right', 'right_to(digits=5)'),
+    ('pitch_m', 0.45, 'right', 'right_to(digits=2)'), ('turn_m', 13.62, 'right', 'right_to(digits=2)'),
+    ('turn_m', 14.1372, 'wrong', 'half_turns'), ('speed_m_s', 1.25, 'right', 'right_to(digits=2)'),
+    ('pitch_m', 0.417138, 'wrong', 'on_circle'),
     ('turn_m', 13.621245, 'right', ''), ('turn_m', 13.7146, 'wrong', 'angle_and_radii'),
     ('speed_m_s', 1.246266, 'right', ''), ('speed_m_s', 1.406277, 'wrong', 'speed_looked(step=1)')])
 def test_answers_in_one_number_are_graded(question, value, verdict, keys):
@@ -445,9 +464,11 @@ def test_json_and_csv_have_the_keys_that_are_documented():
     values = json.loads(json_text([graded()]))
     assert list(values) == ['format', 'bounds', 'teams']
     team = values['teams'][0]
-    assert list(team) == ['team', 'files', 'results', 'answers', 'notes', 'problems']
+    assert list(team) == ['team', 'files', 'results', 'answers', 'causes', 'notes', 'problems']
+    assert [(one['key'], [sheet['sheet'] for sheet in one['in']]) for one in team['causes']] == [
+        ('chord_short', ['positions'])]
     assert list(team['results'][0]) == ['result', 'sheet', 'verdict', 'cells', 'expected', 'worst', 'handle', 't_s',
-                                        'within', 'explains', 'findings', 'reason']
+                                        'within', 'explains', 'findings', 'lacks', 'reason']
     assert team['results'][0]['findings'][0]['key'] == 'chord_short'
     head, row = csv_text([graded()]).splitlines()
     assert tuple(head.split(',')) == COLUMNS
@@ -464,3 +485,160 @@ def test_text_says_what_it_looks_like_and_how_much_that_explains():
 
 def test_a_team_without_anything_has_nothing():
     assert grade_team(Team('a', [])) == TeamGrade('a', (), (), ())
+
+
+ENTERING = np.arange(0.0, 301.0, 10.0)
+
+
+def entering(body, head=EXACT, rule=None):
+    """Return positions and speeds (T, 224, ...) of a dragon whose body is not wound on the spiral at 0 s."""
+    theta = placed_angles(head(ENTERING), rule or chord(), links_of())
+    p, v, links = points(theta), mistakes.projected(theta), links_of()
+    for row in range(len(ENTERING)):
+        for k in np.flatnonzero(theta[row] > 32 * pi):
+            if body == 'on_a_line':         # upwards from A
+                before = p[row, k - 1]
+                p[row, k] = 8.8, before[1] + np.sqrt(links[k - 1] ** 2 - min(8.8 - before[0], links[k - 1]) ** 2)
+                v[row, k] = v[row, k - 1]
+            else:
+                p[row, k], v[row, k] = {'at_a_point': ((8.8, 0.0), 0.0), 'left_empty': (np.nan, np.nan),
+                                        'elsewhere': ((9.5 * np.cos(k), 9.5 * np.sin(k)), 1.0)}[body]
+    return np.round(p, 6), np.round(v, 6)
+
+
+@pytest.mark.parametrize('body', ['on_a_line', 'at_a_point', 'left_empty', 'elsewhere'])
+def test_a_body_that_is_not_on_the_spiral_at_the_start_is_named_in_positions_and_speeds(body):
+    sheets = grades_of('result1', given(*entering(body), ENTERING))
+    for one in sheets:
+        assert one.findings[0].key == 'enters_at_a'
+        assert one.findings[0].parameters['body'] == body
+        assert [finding.key for finding in one.findings[1:]] == []
+        assert one.verdict == 'incomplete' if body == 'left_empty' else one.verdict in ('wrong', 'close')
+    assert (sheets[0].explains is None) == (body == 'left_empty')
+    assert body in ('left_empty', 'elsewhere') or sheets[0].explains > 0.999
+    assert '从龙头的出发点（A 点）进入' in looks_like(sheets[0], 'zh')
+    assert 'enters where the head starts' in looks_like(sheets[1], 'en')
+
+
+def test_a_body_that_enters_late_does_not_hide_another_mistake():
+    sheets = grades_of('result1', given(*entering('at_a_point', rule=chord(0.001)), ENTERING))
+    assert [[finding.key for finding in one.findings] for one in sheets] == [['enters_at_a', 'chord_short']] * 2
+    assert min(one.explains for one in sheets) > 0.99
+
+
+@pytest.mark.parametrize('blank', [(15.0, 0.0), (np.nan, np.nan)])
+def test_a_body_that_waits_outside_before_the_turn_is_named(blank):
+    truth = right('result4', TURNING)
+    waits = np.hypot(*np.moveaxis(truth.handles_m, -1, 0)) > np.hypot(*truth.handles_m[0, 0])
+    p = np.where(waits[..., None], blank, truth.handles_m)
+    sheets = grades_of('result4', given(p, np.where(waits, 0 * blank[0], truth.speed_m_s), TURNING))
+    assert [one.findings[0].key for one in sheets] == ['enters_at_a'] * 2
+
+
+def test_the_first_handles_alone_are_not_taken_for_a_body_that_enters_late():
+    p, v = right(times=ENTERING)
+    some = np.arange(224) < 100
+    sheets = grades_of('result1', given(np.where(some[:, None], p, np.nan), np.where(some, v, np.nan), ENTERING))
+    assert [(one.verdict, one.findings) for one in sheets] == [('incomplete', ())] * 2
+
+
+@pytest.mark.parametrize(('cause', 'make'), [
+    ('turn_shift', lambda scene, offset_s: (scene, TURNING + 100 + offset_s, 1.0)),
+    ('turn_speed', lambda scene, offset_s: (scene, 1.1 * TURNING + offset_s, 1.1)),
+    ('turn_ratio', lambda *_: (turned_scene(Dragon(), STurn(ratio=1.0))[0], TURNING + turned_scene()[1], 1.0))])
+def test_a_cause_of_the_turn_is_found_in_positions_and_speeds(cause, make):
+    scene, times, pace = make(*turned_scene())
+    p, v = state_at(scene, times)
+    sheets = grades_of('result4', given(np.round(p, 6), np.round(pace * v, 6), TURNING))
+    assert [[one.key for one in sheet.findings] for sheet in sheets] == [[cause]] * 2
+    (found,) = causes_of(TeamGrade('a', (), tuple(sheets), ()))
+    assert [(one.sheet, share > 0.99) for one, share in found[1]] == [('positions', True), ('speeds', True)]
+    line = text_of([TeamGrade('a', (), tuple(sheets), ())], 'en').splitlines()[-1]
+    assert line.startswith('  cause: ')
+    assert 'result4 positions 100.00%, result4 speeds 100.00%' in line
+
+
+@pytest.mark.parametrize(('cause', 'pitch_m', 'head', 'times'), [
+    ('pitch', 0.5, solved(arc_length, pitch_m=0.5), np.arange(0.0, 41.0)), ('euler', 0.55, euler(1.0), TIMES)])
+def test_a_cause_of_winding_is_found_in_positions_and_speeds(cause, pitch_m, head, times):
+    theta = placed_angles(head(times), chord(pitch_m=pitch_m), links_of())
+    p, v = points(theta, pitch_m), mistakes.projected(theta)
+    sheets = grades_of('result1', given(np.round(p, 6), np.round(v, 6), times))
+    assert [[one.key for one in sheet.findings] for sheet in sheets] == [[cause]] * 2
+
+
+def bisected(tolerance):
+    """Return the rule that bisects for the next angle until the bracket is narrower than a tolerance (rad)."""
+    def following(theta, link_m):
+        low, high = theta, theta + 3 * link_m * 2 * pi / 0.55 / theta
+        while np.max(high - low) > tolerance:
+            middle = 0.5 * (low + high)
+            short = np.hypot(*np.moveaxis(points(middle) - points(theta), -1, 0)) < link_m
+            low, high = np.where(short, middle, low), np.where(short, high, middle)
+        return 0.5 * (low + high)
+    return following
+
+
+@pytest.mark.parametrize('tolerance', [1e-4, 1e-5, 1e-6])
+def test_a_root_finder_with_a_loose_tolerance_is_named(tolerance):
+    positions, _ = grades_of('result1', given(np.round(wound(rule=bisected(tolerance)), 6)))
+    (found,) = positions.findings
+    assert found.key == 'loose_root'
+    assert tolerance / 10 <= found.parameters['tolerance'] <= tolerance
+    assert looks_like(positions, 'en').startswith('looks like: a root finder with a tolerance')
+
+
+def test_the_right_speed_of_the_head_is_no_mistake():
+    rng = np.random.default_rng(5)
+    positions, _ = grades_of('result1', given(wound(lambda t_s: EXACT((1 + 1e-7) * t_s)) + rng.normal(0, 0.1, (
+        len(TIMES), 224, 2))))
+    assert not {'speed', 'time_shift'} & {one.key for one in positions.findings}
+
+
+@pytest.mark.parametrize('first', [0.0, np.nan])
+def test_differences_without_a_first_time_are_named(first):
+    times = np.arange(0.0, 21.0)
+    p = right(times=times).handles_m
+    v = np.full((21, 224), first)
+    v[1:] = np.hypot(*np.moveaxis(np.diff(p, axis=0), -1, 0))
+    _, speeds = grades_of('result1', given(p, np.round(v, 6), times))
+    assert [one.key for one in speeds.findings] == ['differences', *(['zero_times'] if first == 0 else [])]
+    assert speeds.explains > 0.99
+
+
+def test_central_differences_with_one_sided_ends_are_named():
+    times = np.arange(0.0, 21.0)
+    p = right(times=times).handles_m
+    v = np.hypot(*np.moveaxis(np.gradient(p, axis=0), -1, 0))
+    _, speeds = grades_of('result1', given(p, np.round(v, 6), times))
+    assert plain(speeds.findings) == 'differences(kind=central, step=1)'
+
+
+def test_many_wrong_cells_are_no_cause():
+    p = right().handles_m.copy()
+    p.reshape(-1)[np.random.default_rng(0).choice(p.size, p.size // 60, replace=False)] += 0.5
+    positions, _ = grades_of('result1', given(np.round(p, 6)))
+    assert [one.key for one in positions.findings[-2:]] == ['few_cells', 'unknown']
+    assert looks_like(positions, 'en').startswith('unknown; seen: ')
+
+
+def test_centimetres_with_four_decimals_are_not_rounded():
+    p, speed = (np.round(100 * one, 4) for one in right())
+    assert [[one.key for one in sheet.findings] for sheet in grades_of('result1', given(p, speed))] == [
+        ['centimetres']] * 2
+
+
+def test_speeds_that_are_all_one_are_not_close():
+    _, speeds = grades_of('result1', given(right().handles_m, np.ones((len(TIMES), 224))))
+    assert (speeds.verdict, speeds.worst < 0.01) == ('wrong', True)
+
+
+def test_an_incomplete_sheet_says_which_handles_and_times_it_lacks():
+    times = np.arange(301.0)
+    p, v = right(times=times)
+    p[:, [3, 4, 5, 9]] = np.nan
+    p[7, 200] = np.nan
+    positions, speeds = grades_of('result1', given(p[:-2], v[:-2], times[:-2]))
+    assert lacks_of(positions, 'en').split('; ') == [
+        'without handles 3..5, 9', 'without the times 299..300 s', 'other empty cells: 1, the first at handle 200, 7 s']
+    assert lacks_of(speeds, 'zh') == '缺少时刻 299..300 s'

@@ -599,6 +599,7 @@ def test_formats_by_suffix(room, tmp_path, capsys):
     answer = json.loads((tmp_path / 'a.json').read_text())['teams'][0]['answers'][0]
     assert answer['findings'][0]['key'] == 'angle_and_radii'
     assert (tmp_path / 'a.csv').read_text().count('\n') == 2
+    assert (tmp_path / 'a.csv').read_bytes().startswith(b'\xef\xbb\xbf')
     capsys.readouterr()
     for wrong in (['--output', 'a.pdf'], ['--format', 'html'], ['--format', 'csv', '--output', 'a.json']):
         assert main(['grade', str(room / '一队'), *wrong]) == 2

@@ -28,8 +28,10 @@ def main(argv: list[str]) -> int:
     options.add_argument('--pitch', type=float, metavar='M', help='answer to question 3: the smallest pitch')
     options.add_argument('--turn', type=float, metavar='M', help='answer to question 4: the length of the turn')
     options.add_argument('--speed', type=float, metavar='M/S', help='answer to question 5: the largest head speed')
-    options.add_argument('--answers', type=Path, metavar='FILE', help='YAML file with the keys t_s, pitch_m, '
+    options.add_argument('--answers', type=Path, metavar='FILE', help='YAML or JSON file with the keys t_s, pitch_m, '
                          "turn_m and speed_m_s, or with these keys under each team's name")
+    options.add_argument('--right-answers', action='store_true', help='write the right answers as JSON, with '
+                         'uncertainties and the commands that compute them')
     add_lang_option(options, 'text and report')
     options.add_argument('--output', type=Path, metavar='FILE', help='file to write: .html is a page with pictures; '
                          '.json and .csv are tables')
@@ -40,13 +42,17 @@ def main(argv: list[str]) -> int:
 
 
 def _run(arguments: Namespace) -> int:
+    if arguments.right_answers:
+        return _write_right_answers(arguments)
     form = _format_of(arguments)
     teams = _teams(arguments)
     from dragon_ros.cli.signals import stopped_by_signals
     from dragon_ros.commands.grade.folders import grade_all
     with stopped_by_signals() as stop, Progress('grade', 'teams', len(teams)) as bar:
         grades, complete = grade_all(teams, stop, bar.update)
-    command_line.write_output(arguments.output, _content(form, grades, len(teams), language_of(arguments.lang)))
+    content = _content(form, grades, len(teams), language_of(arguments.lang))
+    mark = '\ufeff' if form == 'csv' and arguments.output is not None else ''       # without it, Excel assumes GBK
+    command_line.write_output(arguments.output, mark + content)
     if not complete:
         print(f'grade: interrupted: {len(grades)} of {counted(len(teams), "team", "was")} graded', file=sys.stderr)
         return command_line.FAILED
@@ -56,6 +62,19 @@ def _run(arguments: Namespace) -> int:
     if refused and not any(grade.answers or any(one.worst is not None for one in grade.sheets) for grade in grades):
         print(f'grade: {refused[0]}', file=sys.stderr)
         return command_line.BAD_INPUT
+    return command_line.OK
+
+
+def _write_right_answers(arguments: Namespace) -> int:
+    """Write the right answers as JSON. Raises InputError."""
+    import json
+
+    from dragon_ros.commands.contest.answers import right_answers
+    given = {'FILE|FOLDER': bool(arguments.paths), '--answers': arguments.answers is not None,
+             '--format': arguments.format not in (None, 'json'), '--lang': arguments.lang is not None,
+             **{option: getattr(arguments, option[2:]) is not None for option in _ANSWERS.values()}}
+    command_line.check_taken('--right-answers', given, set())
+    command_line.write_output(arguments.output, json.dumps(right_answers(), indent=1))
     return command_line.OK
 
 

@@ -12,6 +12,7 @@ from math import ceil, floor, pi
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dragon_ros.commands.contest import mistakes
 from dragon_ros.commands.contest.mistakes import (
@@ -28,7 +29,15 @@ from dragon_ros.commands.contest.mistakes import (
     solved,
 )
 from dragon_ros.commands.grade.layout import HANDLES
-from dragon_ros.commands.grade.truth import TrueStates, contact_s, handles_at, truth_at, turned_scene, wound_scene
+from dragon_ros.commands.grade.truth import (
+    TrueStates,
+    contact_s,
+    handles_at,
+    state_at,
+    truth_at,
+    turned_scene,
+    wound_scene,
+)
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.numerics.types import Floats, Ints
@@ -36,12 +45,25 @@ from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.spec import STurn
 
+Booleans = NDArray[np.bool_]
 EXPLAINED = 0.99        # smallest share of the squared error that a reported mistake must explain
+CAUSES = ('enters_at_a', 'loose_root')      # causes that are recognised without reproducing the values
 RIGHT = 2e-6            # largest error (m or m/s) of correct values; allows six decimals, rounded or truncated
 _B_M = PITCH_M / 2 / pi
 _ON_TRACK_M = 0.02      # largest rms distance (m) from the spiral at which handles count as on it
 _MOST_OFF_M = 1.0       # largest difference (m) between chord and link for handles placed by steps
 _SETTLED_M = 1e-10      # a shorter step (m) towards the nearest point of the track is the last one
+_UNITS = {100.0: 'centimetres', 1000.0: 'millimetres', 0.001: 'kilometres'}
+_FIRST_S = {'result1': 0.0, 'result4': -100.0}      # time (s) at which a result starts
+_BEYOND_M = 0.05        # a handle outside the head's start by this much (m) has not entered
+_NEAR_START_M = 0.2     # distance (m) from the start's circle within which mistakes may delay an entry
+_LEAST_WAITING = 8      # smallest number of cells on each side of the start
+_LEAST_TIMES = 4        # smallest number of times whose positions are subtracted
+_MOST_LOOSE_M, _MOST_DRIFT_M = 6e-4, 0.2      # largest error (m) of a chord and of a handle due to a loose root
+_ROUNDED_M = 9e-7       # usual largest difference (m) between two values with six decimals due to rounding
+_SLIPS = 4              # so many wrong cells are slips in any table
+_SLOW = 1e-4            # a difference (m/s) that true speeds do not have from each other
+_OF_TABLES = ('rounded', 'unknown', 'few_cells', 'rest', 'enters_at_a', *_UNITS.values())      # not about speeds
 _FRONT = 20             # number of handles near the head, on which link errors have little effect
 _BETTER = 0.2           # fraction to which another order or other axes must reduce the error
 _NICE = tuple(m * 10.0 ** -e for e in range(5) for m in (1.0, 0.5, 0.25, 0.2))
@@ -50,7 +72,6 @@ _GRIDS = tuple(sorted((*(m * 10.0 ** -e for e in range(1, 5) for m in (1.0, 0.5,
 _DIFFERENCES_S = (2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.001)
 _LEAST_STEP_S, _MOST_STEP_S = 0.0004, 30.0      # smallest and largest Euler step considered
 _CIRCLES_M = 1.0, 100.0     # smallest and largest diameter of a turning circle considered
-_UNITS = {100.0: 'centimetres', 1000.0: 'millimetres', 0.001: 'kilometres'}
 _AXES = {'': (1, 0, 0, 1), 'mirrored_x': (1, 0, 0, -1), 'mirrored_y': (-1, 0, 0, 1), 'rotated_180': (-1, 0, 0, -1),
          'swapped': (0, 1, 1, 0), 'rotated_90': (0, -1, 1, 0), 'rotated_270': (0, 1, -1, 0),
          'swapped_minus': (0, -1, -1, 0)}
@@ -68,12 +89,14 @@ class Finding(NamedTuple):
 class Diagnosis:
     """The findings about one quantity of a result, and the result with corrected units, order and axes.
 
-    ``explains`` is the share of the squared error that all findings together explain, or None if nothing is wrong.
+    ``explains`` is the share of the squared error that all findings together explain, or None if nothing is wrong or
+    nothing is claimed to be explained. ``speeds`` contains the speeds (m/s, shape (T, 224)) of reproduced positions.
     """
 
     findings: list[Finding] = field(default_factory=list)
     explains: float | None = None
     undone: Floats | None = None
+    speeds: Floats | None = None
 
 
 def share(given: Floats, remade: Floats, truth: Floats) -> float:
@@ -98,6 +121,12 @@ def rounded_to(values: Floats) -> int | None:
     return None
 
 
+def _rounded_in_metres(values: Floats, unit: float) -> int | None:
+    """Return the number of decimals of values in ``unit`` per metre, if it is less than six in metres."""
+    digits = rounded_to(values)
+    return None if digits is None or digits + np.log10(unit) > 5.5 else digits
+
+
 def _tolerance(digits: int | None, unit: float = 1.0) -> float:
     """Return the largest error (m or m/s) of right values in ``unit`` per metre that are rounded to some decimals."""
     return RIGHT if digits is None else RIGHT + 10.0 ** -digits / unit
@@ -109,18 +138,105 @@ def nice(value: float, within: float = 0.03) -> float:
     return near if abs(near - value) <= within * near else value
 
 
+# The body outside the start of the head.
+class _Waiting(NamedTuple):
+    """How handles wait outside the start until they enter: their mask (T, 224), and a model of their positions."""
+
+    finding: Finding
+    mask: Booleans
+    remade: Floats | None       # (T, 224, 2); None if no model fits
+
+
+@cache
+def _start_radius_m(result: str) -> float:
+    """Return the radius (m) at which the head starts."""
+    return float(np.hypot(*truth_at(result, np.array([_FIRST_S[result]])).handles_m[0, 0]))
+
+
+def _outside(result: str, right: Floats) -> tuple[Booleans, Booleans]:
+    """Return which handles (T, 224) should be outside the start of the head, certainly and perhaps."""
+    beyond_m = np.hypot(right[..., 0], right[..., 1]) - _start_radius_m(result)
+    return beyond_m > _BEYOND_M, beyond_m > -0.2 * _BEYOND_M
+
+
+def _near_start(result: str, right: Floats) -> Booleans:
+    """Return which handles (T, 224) a mistake elsewhere may have kept outside the start."""
+    near: Booleans = np.hypot(right[..., 0], right[..., 1]) > _start_radius_m(result) - _NEAR_START_M
+    return near
+
+
+def _waiting(result: str, given: Floats, right: Floats) -> _Waiting | None:
+    """Return how the body waits outside the start, or None if it is wound on the spiral as it should be."""
+    if result == 'result2':
+        return None
+    out, mask = _outside(result, right)
+    there: Booleans = np.all(np.isfinite(given), axis=-1)
+    asked = np.array(there.any(axis=1))[:, None] & there.any(axis=0)
+    inside, outside = there[asked & ~mask], there[asked & out]
+    if min(inside.size, outside.size) < _LEAST_WAITING or inside.mean() < 0.98:
+        return None
+    if outside.mean() < 0.02:
+        return _Waiting(Finding('enters_at_a', {'body': 'left_empty'}), mask, None)
+    waits, near_m = given[out & there], 1e-3 + _tolerance(rounded_to(given))
+    point = np.median(waits, axis=0)
+    entered = given[there & ~mask]
+    if np.max(np.abs(waits - point)) < near_m:
+        if np.mean(np.abs(entered - point).max(axis=1) < near_m) > 0.02:        # all handles are there
+            return None
+        still = (np.abs(given - point).max(axis=-1) < near_m) & _near_start(result, right)
+        return _Waiting(Finding('enters_at_a', {'body': 'at_a_point', 'x': float(point[0]), 'y': float(point[1])}),
+                        mask | still, np.broadcast_to(point, given.shape))
+    centre = waits.mean(axis=0)
+    _, _, axes = np.linalg.svd(waits - centre, full_matrices=False)
+    if np.max(np.abs((waits - centre) @ axes[1])) < near_m and np.mean(
+            np.abs((entered - centre) @ axes[1]) < near_m) < 0.5:
+        still = (np.abs((given - centre) @ axes[1]) < near_m) & _near_start(result, right)
+        return _Waiting(Finding('enters_at_a', {'body': 'on_a_line'}), mask | still,
+                        centre + ((given - centre) @ axes[0])[..., None] * axes[0])
+    error = np.abs(given - right).max(axis=-1)
+    if np.quantile(error[there & ~mask], 0.98) < near_m < 0.05 < np.quantile(error[there & out], 0.1):
+        return _Waiting(Finding('enters_at_a', {'body': 'elsewhere'}), mask, None)
+    return None
+
+
+def _with_waiting(waiting: _Waiting, rest: Diagnosis, given: Floats, right: Floats) -> Diagnosis:
+    """Return a diagnosis of the handles that have entered, together with how the others wait."""
+    there = np.isfinite(given) & np.isfinite(right)
+    error = np.square(np.where(there & ~(np.abs(given - right) <= RIGHT), given - right, 0.0))
+    waits = waiting.mask[..., None]
+    whole, outside = float(error.sum()), float(np.sum(error * waits))
+    if outside == 0:
+        return Diagnosis([waiting.finding, *rest.findings], rest.explains, None, rest.speeds)
+    left = outside if waiting.remade is None else float(np.sum(np.minimum(
+        error, np.square(np.where(there, given - waiting.remade, 0.0))) * waits))
+    left += (whole - outside) * (1 - (1.0 if rest.explains is None else rest.explains))
+    return Diagnosis([waiting.finding._replace(explains=(outside - left) / whole if outside else None), *rest.findings],
+                     1 - left / whole, None, rest.speeds)
+
+
 # Positions.
 def diagnose_positions(result: str, times_s: Floats, given: Floats, truth: TrueStates) -> Diagnosis:
     """Diagnose the positions (T, 224, 2) in a result."""
-    digits = rounded_to(given)
+    waiting = _waiting(result, given, truth.handles_m)
+    if waiting is None:
+        return _positions(result, times_s, given, truth)
+    rest = _positions(result, times_s, np.where(waiting.mask[..., None], np.nan, given), truth)
+    return _with_waiting(waiting, rest, given, truth.handles_m)
+
+
+def _positions(result: str, times_s: Floats, given: Floats, truth: TrueStates) -> Diagnosis:
     found = Diagnosis(undone=given)
     right = truth.handles_m
+    unit = _unit_of(given, right)
+    digits = _rounded_in_metres(given, unit)
     if digits is not None:
         found.findings.append(Finding('rounded', {'digits': digits}))
     if _few_differ(found, given, right, digits, times_s):
         return found
     raw = given
-    given, unit = _in_metres(found, given, right)
+    if unit != 1.0:
+        found.findings.append(Finding(_UNITS[unit], {}))
+        given = given / unit
     if result != 'result4' and _polar(found, given, right):
         return found
     given = _in_order(found, given, right)
@@ -134,7 +250,8 @@ def diagnose_positions(result: str, times_s: Floats, given: Floats, truth: TrueS
     if undone and rest.findings[-1:] == [Finding('unknown', {})] and of_raw >= EXPLAINED:
         rest = Diagnosis([*rest.findings[:-1], Finding('rest', {'worst': _worst(given, right)})], of_raw)
     found.findings += rest.findings
-    found.explains = rest.explains
+    found.explains, found.speeds = rest.explains, rest.speeds
+    _note_few(found, given, right, times_s)
     return found
 
 
@@ -151,23 +268,30 @@ def _few_differ(found: Diagnosis, given: Floats, right: Floats, digits: int | No
     if count == 0:
         found.explains = 1.0 if found.findings else None
         return True
-    if count > 0.03 * there.sum():
+    if count > max(_SLIPS, 0.001 * there.sum()):
         return False
-    row, handle = np.argwhere(wrong)[0][:2].tolist()
-    found.findings.append(Finding('few_cells', {'count': count, 'handle': handle, 't': float(times_s[row])}))
-    found.explains = 1.0
+    found.findings.append(_few_cells(wrong, times_s))
     return True
 
 
-def _in_metres(found: Diagnosis, given: Floats, right: Floats) -> tuple[Floats, float]:
-    """Return the values in metres and the given unit (per metre), and report if this unit is not a metre."""
+def _few_cells(wrong: Booleans, times_s: Floats) -> Finding:
+    row, handle = np.argwhere(wrong)[0][:2].tolist()
+    return Finding('few_cells', {'count': int(wrong.sum()), 'handle': handle, 't': float(times_s[row])})
+
+
+def _note_few(found: Diagnosis, given: Floats, right: Floats, times_s: Floats) -> None:
+    """If the cause is unknown and few cells are wrong, add how many."""
+    there = np.isfinite(given) & np.isfinite(right)
+    wrong = there & ~(np.abs(given - right) <= RIGHT)
+    if found.findings[-1:] == [Finding('unknown', {})] and wrong.sum() <= 0.03 * there.sum():
+        found.findings.insert(-1, _few_cells(wrong, times_s))
+
+
+def _unit_of(given: Floats, right: Floats) -> float:
+    """Return the unit of given positions, per metre."""
     there = np.isfinite(given) & np.isfinite(right)
     ratio = float(np.sqrt(np.sum(np.square(given[there])) / np.sum(np.square(right[there]))))
-    for factor, name in _UNITS.items():
-        if abs(np.log(max(ratio, 1e-300) / factor)) < 0.3:
-            found.findings.append(Finding(name, {}))
-            return given / factor, factor
-    return given, 1.0
+    return next((factor for factor in _UNITS if abs(np.log(max(ratio, 1e-300) / factor)) < 0.3), 1.0)
 
 
 def _polar(found: Diagnosis, given: Floats, right: Floats) -> bool:
@@ -320,6 +444,8 @@ def _wound(result: str, times_s: Floats, given: Floats, right: Floats, digits: i
         off = [Finding('off_track', {'off': off_m})] if np.isfinite(off_m) else []      # inf if no handle has x and y
         return paper or _unknown([*head.findings, *off])
     start = theta[:, 0] if head.angles is None else head.angles
+    if head.angles is None and (loose := _loose_root(given, right, theta)) is not None:
+        return loose
     if head.angles is None or not np.isfinite(start).all():
         return _as_paper(times_s, given, right) or _unknown([Finding('head_unknown', {}), *_links_seen(given, noise_m)])
     best: tuple[float, Rule, list[float], list[Finding]] = (-np.inf, chord(), links_of(), [])
@@ -334,11 +460,37 @@ def _wound(result: str, times_s: Floats, given: Floats, right: Floats, digits: i
     if explains < EXPLAINED or any(one.key == 'grid' for one in said):
         paper = _as_paper(times_s, given, right) if result == 'result1' else None
         if paper is not None or explains < EXPLAINED:
-            return paper or _unknown([*head.findings, *_links_seen(given, noise_m)], explains)
+            loose = None if head.findings else _loose_root(given, right, theta)
+            return paper or loose or _unknown([*head.findings, *_links_seen(given, noise_m)], explains)
     found.findings, found.explains = [*head.findings, *said], explains
+    speed_m_s = next((float(str(one.parameters['speed'])) for one in head.findings if one.key == 'speed'), 1.0)
+    found.speeds = mistakes.projected(placed_angles(start, rule, links), speed_m_s)
     if result == 'result2' and said:
         found.findings = [_contact_of(one, theta[0, 0], rule, links, noise_m) for one in found.findings]
     return found
+
+
+def _loose_root(given: Floats, right: Floats, turned: Floats | None = None) -> Diagnosis | None:
+    """Return the diagnosis of positions whose small errors along the track add up from handle to handle, or None.
+
+    Rounding hides small errors of single links, so that means over several links count, too.
+    """
+    apart, along = given - right, right[:, :-1] - right[:, 1:]
+    along = np.concatenate((along[:, :1], along), axis=1)
+    along = along / np.hypot(*np.moveaxis(along, -1, 0))[..., None]
+    drift = np.sum(apart * along, axis=-1)
+    aside = apart[..., 0] * along[..., 1] - apart[..., 1] * along[..., 0]
+    off = np.abs(np.hypot(*np.moveaxis(np.diff(given, axis=1), -1, 0)) - links_of())
+    if not np.isfinite(drift).any() or not np.nanmax(off) <= _MOST_LOOSE_M or (
+            np.nanmax(np.abs(drift)) > _MOST_DRIFT_M or np.nanmax(np.abs(aside)) > 0.2 * np.nanmax(np.abs(drift))):
+        return None
+    worst_m = max((float(np.nanmax(np.abs(drift[:, links:] - drift[:, :-links]))) - _ROUNDED_M) / links
+                  for links in (1, 2, 5, 20))
+    if not worst_m > 0:
+        return None
+    unit = 1.0 if turned is None else float(np.nanmean(turned)) * _B_M
+    tolerance = 10.0 ** ceil(np.log10(worst_m / unit))
+    return Diagnosis([Finding('loose_root', {'tolerance': tolerance, 'worst': worst_m})], None)
 
 
 def _links_seen(given: Floats, noise_m: float) -> list[Finding]:
@@ -357,7 +509,9 @@ def _on_other_spiral(head: _HeadFit, pitch_m: float, given: Floats, right: Float
     assert head.angles is not None
     remade = points(placed_angles(head.angles, chord(pitch_m=pitch_m), links_of()), pitch_m)
     explains = share(given, remade, right)
-    return Diagnosis(head.findings, explains) if explains >= EXPLAINED else _unknown(head.findings, explains)
+    speeds = mistakes.projected(placed_angles(head.angles, chord(pitch_m=pitch_m), links_of()))
+    return Diagnosis(head.findings, explains, speeds=speeds) if explains >= EXPLAINED else (
+        _unknown(head.findings, explains))
 
 
 def _head_of(times_s: Floats, head: Floats, theta: Floats, right: Floats, noise_m: float) -> _HeadFit:
@@ -395,13 +549,15 @@ def _head_candidates(times_s: Floats, head: Floats, theta: Floats,
     start = solved(arc_length)(np.array([shift_s]))[0] / (2 * pi)
     if abs(start - turns) > 0.2 and abs(2 * start - round(2 * start)) < 1e-4:
         yield 'start_turns', {'turns': round(2 * start) / 2}, exact(times_s + shift_s), PITCH_M
-    yield 'time_shift', {'shift': shift_s}, exact(times_s + shift_s), PITCH_M
+    if abs(shift_s) > RIGHT:
+        yield 'time_shift', {'shift': shift_s}, exact(times_s + shift_s), PITCH_M
     if times_s.size > 2:
         gone = late[there] + times_s[there]
         speed = float(np.sum(gone * times_s[there]) / np.sum(np.square(times_s[there])))
         if abs(speed + 1) < 1e-3:
             yield 'outward', {}, exact(-times_s), PITCH_M
-        yield 'speed', {'speed': speed}, exact(speed * times_s), PITCH_M
+        if abs(speed - 1) > RIGHT:
+            yield 'speed', {'speed': speed}, exact(speed * times_s), PITCH_M
         yield from _other_pitch(times_s, head)
 
 
@@ -595,6 +751,8 @@ def _turned(result: str, times_s: Floats, given: Floats, right: Floats, digits: 
                 explains = share(given, laid if digits is None else np.round(laid, digits), right)
                 if explains >= EXPLAINED:
                     return Diagnosis([*findings, finding], explains)
+        if constant is None and not findings and (loose := _loose_root(given, right)) is not None:
+            return loose
         if constant is None:
             near = np.abs(off[np.isfinite(off)]) <= noise_m
             low, high = np.nanpercentile(off, (0.5, 99.5)).tolist()
@@ -608,11 +766,15 @@ def _turned(result: str, times_s: Floats, given: Floats, right: Floats, digits: 
     try:
         dragon = Dragon(head_length_m=links[0] + 0.55, body_length_m=links[1] + 0.55)
         scene, offset_s = turned_scene(dragon, track)
-        remade = handles_at(scene, head_m + offset_s)
+        remade, speeds = state_at(scene, head_m + offset_s)
     except DragonError:         # no dragon has such links, or the arcs are too tight for them
         return _unknown(findings)
     explains = share(given, remade if digits is None else np.round(remade, digits), right)
-    return Diagnosis(findings, explains) if explains >= EXPLAINED else _unknown(findings, explains)
+    if explains < EXPLAINED and not findings and (loose := _loose_root(given, right)) is not None:
+        return loose
+    pace = np.gradient(head_m, times_s) if times_s.size > 1 else np.ones_like(times_s)
+    return Diagnosis(findings, explains, speeds=speeds * pace[:, None]) if explains >= EXPLAINED else (
+        _unknown(findings, explains))
 
 
 def _turn_links(head_m: Floats, given: Floats, off: Floats, turn: STurn, noise_m: float,
@@ -761,48 +923,117 @@ def _circles_m(times: Floats, head: Floats) -> tuple[float, ...]:
 
 # Speeds.
 def diagnose_speeds(result: str, times_s: Floats, given: Floats, truth: TrueStates, positions: Diagnosis) -> Diagnosis:
-    """Diagnose the speeds (T, 224) in a result."""
-    digits, found = rounded_to(given), Diagnosis(undone=given)
+    """Diagnose the speeds (T, 224) in a result; mistakes in the positions may explain them, too."""
+    waiting = _waiting_speeds(result, given, truth, positions)
+    if waiting is None:
+        return _speeds(result, times_s, given, truth, positions)
+    rest = _speeds(result, times_s, np.where(waiting.mask, np.nan, given), truth, positions)
+    if rest.findings[-1:] == [Finding('unknown', {})]:
+        return _speeds(result, times_s, given, truth, positions)
+    return _with_waiting(waiting, rest, given[..., None], truth.speed_m_s[..., None])
+
+
+def _waiting_speeds(result: str, given: Floats, truth: TrueStates, positions: Diagnosis) -> _Waiting | None:
+    """Return the speeds of handles that wait outside the start, or None if they do not wait.
+
+    While they wait, all handles have the same speed, or none is given.
+    """
+    if result == 'result2':
+        return None
+    out, mask = _outside(result, truth.handles_m)
+    there = np.isfinite(given)
+    asked = np.array(there.any(axis=1))[:, None] & there.any(axis=0)
+    inside, outside = there[asked & ~mask], there[asked & out]
+    if min(inside.size, outside.size) < _LEAST_WAITING or inside.mean() < 0.98:
+        return None
+    known = next((one for one in positions.findings if one.key == 'enters_at_a'), None)
+    if outside.mean() < 0.02:
+        return _Waiting(known or Finding('enters_at_a', {'body': 'left_empty'}), mask, None)
+    waits = np.where(out & there, given, np.nan)
+    filled = np.array(np.isfinite(waits).any(axis=1))
+    level = np.ones((len(given), 1))
+    level[filled, 0] = np.nanmedian(waits[filled], axis=1)
+    spread = float(np.nanmax(np.abs(waits - level)))
+    usual = np.abs(truth.speed_m_s - level)[out & there]
+    if spread > RIGHT or (known is None and np.quantile(usual, 0.1) < _SLOW) or np.all(given[there] == given[there][0]):
+        return None
+    still = (np.abs(given - level) <= RIGHT) & _near_start(result, truth.handles_m)
+    return _Waiting(known or Finding('enters_at_a', {'body': 'elsewhere'}), mask | still,
+                    np.broadcast_to(level[..., None], (*given.shape, 1)))
+
+
+def _speeds(result: str, times_s: Floats, given: Floats, truth: TrueStates, positions: Diagnosis) -> Diagnosis:
+    found = Diagnosis(undone=given)
     right = truth.speed_m_s
-    digits = None if np.all(given[np.isfinite(given)] == 1) else digits
+    level, unit = float(np.nanmedian(given)), 1.0
+    unit = next((factor for factor in (100.0, 1000.0, -1.0) if abs(level / factor - 1) < 0.2), 1.0)
+    digits = None if np.all(given[np.isfinite(given)] == 1) else _rounded_in_metres(given, abs(unit))
     if digits is not None:
         found.findings.append(Finding('rounded', {'digits': digits}))
     if _few_differ(found, given[..., None], right[..., None], digits, times_s):
         return found
-    level, unit = float(np.nanmedian(given)), 1.0
-    for factor, key in ((100.0, 'centimetres'), (1000.0, 'millimetres'), (-1.0, 'negative')):
-        if abs(level / factor - 1) < 0.2:
-            found.findings.append(Finding(key, {}))
-            given, unit = given / factor, abs(factor)
+    if unit != 1.0:
+        found.findings.append(Finding({100.0: 'centimetres', 1000.0: 'millimetres', -1.0: 'negative'}[unit], {}))
+        given, unit = given / unit, abs(unit)
     found.undone = given
-    tried = [(share(given, remade if digits is None else np.round(remade, digits), right), n, finding)
-             for n, (finding, remade) in enumerate(_speed_candidates(result, times_s, given, truth, positions))]
     if len(found.findings) > (digits is not None) and _worst(given, right) <= RIGHT + _tolerance(digits, unit):
         found.explains = 1.0
         return found
+    blank = _blank_times(given)
+    fitted = np.where(blank[:, None], np.nan, given)
+    tried = []
+    for findings, remade in _speed_candidates(result, times_s, fitted, truth, positions):
+        remade = remade if digits is None else np.round(remade, digits)
+        same = np.isfinite(remade[np.isfinite(fitted)]).all() and _worst(fitted, remade) <= RIGHT
+        tried.append((1.0 if same else share(fitted, remade, right), findings))
     best = max((one[0] for one in tried), default=0.0)
-    explains, _, finding = next((one for one in tried if 1 - one[0] <= 2 * (1 - best) + 1e-6), (0.0, 0, None))
-    if finding is None or best < EXPLAINED:
+    explains, findings = next((one for one in tried if 1 - one[0] <= 2 * (1 - best) + 1e-6), (0.0, []))
+    if not findings or best < EXPLAINED:
         found.findings.append(Finding('unknown', {}))
         found.explains = max(best, 0.0)
+        _note_few(found, given[..., None], right[..., None], times_s)
         return found
-    found.findings.append(finding._replace(explains=explains))
+    found.findings += [*(one._replace(explains=explains) for one in findings),
+                       *([Finding('zero_times', {'t': float(times_s[blank][0])})] if blank.any() else [])]
     found.explains = explains
     return found
 
 
+def _blank_times(given: Floats) -> Booleans:
+    """Return at which times (T,) a difference quotient was not computed: all speeds are zero at the first or last."""
+    blank = np.zeros(len(given), dtype=bool)
+    blank[[0, -1]] = np.nanmax(np.abs(np.nan_to_num(given[[0, -1]])), axis=1) == 0
+    blank &= np.isfinite(given).any(axis=1)
+    return blank if blank.sum() < len(given) - 1 else np.zeros_like(blank)
+
+
 def _speed_candidates(result: str, times_s: Floats, given: Floats, truth: TrueStates, positions: Diagnosis,
-                      ) -> Iterator[tuple[Finding, Floats]]:
+                      ) -> Iterator[tuple[list[Finding], Floats]]:
     """Yield reproduced speeds (T, 224) with their findings, ordered by number of parameters."""
     right = truth.speed_m_s
-    yield Finding('all_one', {}), np.ones_like(right)
+    yield [Finding('all_one', {})], np.ones_like(right)
     for order in (1, -1, None):
         moved = _ordered(right, order)
         moved = np.where(np.isnan(moved), given, moved)
-        yield (Finding('rows_reversed', {}) if order is None else Finding('handles_shifted', {'by': -order})), moved
-    if result != 'result4':
-        yield from _wound_speeds(given, truth, positions)
-    yield from _by_differences(result, times_s, given, right)
+        yield [Finding('rows_reversed', {}) if order is None else Finding('handles_shifted', {'by': -order})], moved
+    if positions.speeds is not None and (causes := [one for one in positions.findings if one.key not in _OF_TABLES]):
+        yield causes, positions.speeds
+    simple = [] if result == 'result4' else list(_wound_speeds(given, truth, positions))
+    yield from (([finding], remade) for finding, remade in (
+        *simple, *_by_differences(result, times_s, given, right), *_differences_of_given(times_s, positions)))
+
+
+def _differences_of_given(times_s: Floats, positions: Diagnosis) -> Iterator[tuple[Finding, Floats]]:
+    """Yield speeds from differences between given positions at successive times."""
+    p = positions.undone
+    if p is None or times_s.size < _LEAST_TIMES or np.ptp(np.diff(times_s)) > RIGHT:
+        return
+    step_s = float(times_s[1] - times_s[0])
+    moved = np.hypot(*np.moveaxis(np.diff(p, axis=0), -1, 0)) / step_s
+    central = np.hypot(*np.moveaxis(p[2:] - p[:-2], -1, 0)) / (2 * step_s)
+    for kind, values in (('forward', (moved, moved[-1:])), ('backward', (moved[:1], moved)),
+                         ('central', (moved[:1], central, moved[-1:]))):
+        yield Finding('differences', {'kind': kind, 'step': step_s}), np.concatenate(values)
 
 
 def _wound_speeds(given: Floats, truth: TrueStates, positions: Diagnosis) -> Iterator[tuple[Finding, Floats]]:

@@ -93,7 +93,7 @@ class _Walk:
         self._room -= len(books)
         if self._room < 0:
             raise InputError(f'{self._root}: it contains more than {GRADED_BOOKS} workbooks; grade the folder in parts')
-        answers = [one for one in files if _is(one, _ANSWERS)]
+        answers = [one for one in files if _is(one, _ANSWERS) or one.name.lower() == 'answers.json']
         if not books and not answers:
             return []
         teams = _split(name or folder.resolve().name, books)

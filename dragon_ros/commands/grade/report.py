@@ -12,10 +12,19 @@ from math import floor, log10
 from pathlib import Path
 
 from dragon_ros.commands.grade.heat import LEAST, MOST, Heat
-from dragon_ros.commands.grade.tables import looks_like, place_of, reason_of, verdict_key
+from dragon_ros.commands.grade.tables import (
+    UNITS,
+    cause_line,
+    causes_of,
+    lacks_of,
+    looks_like,
+    place_of,
+    reason_of,
+    verdict_key,
+)
 from dragon_ros.commands.grade.team import BOUNDS, QUESTIONS, SHEETS, UNREAD, AnswerGrade, SheetGrade, TeamGrade
 from dragon_ros.commands.grade.truth import RESULTS
-from dragon_ros.commands.grade.words import sentence, titled
+from dragon_ros.commands.grade.words import joined, sentence, titled
 from dragon_ros.version import __version__
 
 # Anchor colours of the colour map viridis by Smith and van der Walt (CC0). Its lightness increases evenly, and
@@ -23,7 +32,6 @@ from dragon_ros.version import __version__
 _VIRIDIS = ((68, 1, 84), (59, 82, 139), (33, 145, 140), (94, 201, 98), (253, 231, 37))
 _WIDE, _HIGH = 448, 304         # width and height of a picture of errors, in the picture's units
 _LINE_HIGH = 110
-_UNITS = {'positions': 'm', 'speeds': 'm/s'}
 _STYLE = Path(__file__).with_name('report.css')
 
 
@@ -81,7 +89,7 @@ def _pill_of(one: SheetGrade | None, lang: str) -> str:
     if one is None:
         return _pill('missing', lang)
     more = {'right': '', 'incomplete': f'{one.cells} / {one.expected}'}.get(
-        one.verdict, '' if one.worst is None else f'{one.worst:.2g} {_UNITS[one.sheet]}')
+        one.verdict, '' if one.worst is None else f'{one.worst:.2g} {UNITS[one.sheet]}')
     return _pill(one.verdict, lang) + (f'<small>{more}</small>' if more else '')
 
 
@@ -94,14 +102,12 @@ def _problems(team: TeamGrade, lang: str) -> Iterator[str]:
 
 
 def _causes(team: TeamGrade, lang: str) -> Iterator[str]:
-    """Yield the diagnoses of a team's sheets, each with the sheets to which it applies."""
-    by_cause: dict[str, list[str]] = {}
+    """Yield the causes that a team's tables suggest, and which tables have other errors."""
+    yield from (f'<p class="why">{escape(cause_line(cause, where, lang))}</p>' for cause, where in causes_of(team))
+    explained = {(one.result, one.sheet) for _, where in causes_of(team) for one, _ in where}
     for one in team.sheets:
-        if why := looks_like(one, lang):
-            by_cause.setdefault(why, []).append(f'{one.result} {sentence(one.sheet, None, lang)}')
-    separator = '、' if lang == 'zh' else ', '
-    yield from (f'<p class="why">{escape(titled(separator.join(where), why, lang))}</p>'
-                for why, where in by_cause.items())
+        if (why := looks_like(one, lang)) and (one.result, one.sheet) not in explained:
+            yield f'<p class="why">{escape(titled(f"{one.result} {sentence(one.sheet, None, lang)}", why, lang))}</p>'
 
 
 def _cell(head: str, content: str, kind: str = '') -> str:
@@ -123,6 +129,9 @@ def _team(number: int, team: TeamGrade, many: bool, lang: str) -> Iterator[str]:
     if team.problems:
         yield f'<h2>{_said("problems", lang)}</h2>'
         yield from _problems(team, lang)
+    if causes := list(_causes(team, lang)):
+        yield f'<h2>{_said("causes", lang)}</h2>'
+        yield from causes
     if team.sheets:
         yield from _results(team.sheets, lang)
     if team.answers:
@@ -156,12 +165,11 @@ def _results(sheets: Iterable[SheetGrade], lang: str) -> Iterator[str]:
             yield (f'<tr><td class="name">{name}</td><td>{_pill(one.verdict, lang)}</td>'
                    f'<td colspan="{len(heads) - 2}">{escape(reason_of(one, lang))}</td></tr>')
             continue
-        cells = [f'{one.cells} / {one.expected}', f'{one.worst:.3g} {_UNITS[one.sheet]}', escape(place_of(one, lang)),
+        cells = [f'{one.cells} / {one.expected}', f'{one.worst:.3g} {UNITS[one.sheet]}', escape(place_of(one, lang)),
                  *(f'{share:.2%}' for share in one.within)]
         shown = (_cell(heads[n], cell, ' class="n"' if n in numbers else '') for n, cell in enumerate(cells, 2))
         yield f'<tr><td class="name">{name}</td><td>{_pill(one.verdict, lang)}</td>{"".join(shown)}</tr>'
-        if one.findings:
-            why = escape(looks_like(one, lang))
+        if why := escape(joined('; ', filter(None, (looks_like(one, lang), lacks_of(one, lang))), lang)):
             yield f'<tr class="more"><td></td><td colspan="{len(heads) - 1}"><p class="why">{why}</p></td></tr>'
     yield '</tbody></table></div>'
 

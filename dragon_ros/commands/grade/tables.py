@@ -4,11 +4,12 @@ from collections.abc import Iterable
 from typing import Any
 
 from dragon_ros.cli.command_line import csv_of
-from dragon_ros.commands.grade.diagnosis import EXPLAINED, Finding
+from dragon_ros.commands.grade.diagnosis import CAUSES, EXPLAINED, Finding
 from dragon_ros.commands.grade.team import BOUNDS, QUESTIONS, SHEETS, AnswerGrade, SheetGrade, TeamGrade
 from dragon_ros.commands.grade.truth import RESULTS
-from dragon_ros.commands.grade.words import handle_name, sentence
+from dragon_ros.commands.grade.words import bracketed, handle_name, joined, listed, sentence, titled
 
+UNITS = {'positions': 'm', 'speeds': 'm/s'}
 FORMAT = 1      # version of the JSON and CSV formats
 
 
@@ -23,6 +24,9 @@ def _values(team: TeamGrade) -> dict[str, Any]:
             'answers': [{'question': one.question, 'given': one.given, 'truth': one.truth, 'error': one.error,
                          'verdict': one.verdict, 'findings': list(map(_finding_values, one.findings))}
                         for one in team.answers],
+            'causes': [{**_finding_values(cause), 'explains': None, 'in': [
+                {'result': one.result, 'sheet': one.sheet, 'explains': share} for one, share in where]}
+                for cause, where in causes_of(team)],
             'notes': [{'key': key, 'parameters': parameters, 'text': sentence(key, parameters)}
                       for key, parameters in team.notes], 'problems': [one.line() for one in team.problems]}
 
@@ -31,6 +35,7 @@ def _sheet_values(one: SheetGrade) -> dict[str, Any]:
     return {'result': one.result, 'sheet': one.sheet, 'verdict': one.verdict, 'cells': one.cells,
             'expected': one.expected, 'worst': one.worst, 'handle': one.handle, 't_s': one.t_s,
             'within': list(one.within), 'explains': one.explains, 'findings': list(map(_finding_values, one.findings)),
+            'lacks': list(map(_finding_values, one.lacks)),
             'reason': None if one.reason is None else _finding_values(one.reason)}
 
 
@@ -83,16 +88,40 @@ def keys_of(findings: Iterable[Finding]) -> str:
     return ' + '.join(out)
 
 
+def causes_of(team: TeamGrade) -> list[tuple[Finding, list[tuple[SheetGrade, float | None]]]]:
+    """Return the causes found in a team's tables, each with the tables that it explains and its share there.
+
+    A sheet's share is that of all its causes together.
+    """
+    out: dict[str, tuple[Finding, list[tuple[SheetGrade, float | None]]]] = {}
+    for one in team.sheets:
+        explained = one.explains is not None and one.explains >= EXPLAINED
+        for finding in one.findings:
+            if finding.key != 'unknown' and (explained or finding.key in CAUSES):
+                out.setdefault(keys_of([finding]), (finding, []))[1].append((one, one.explains))
+    return list(out.values())
+
+
+def cause_line(cause: Finding, where: list[tuple[SheetGrade, float | None]], lang: str) -> str:
+    """Return a cause as text, with the tables in which it is found and the share of their errors that is explained."""
+    names = (f'{one.result} {sentence(one.sheet, None, lang)}' + ('' if share is None else f' {share:.2%}')
+             for one, share in where)
+    return titled(sentence(cause.key, cause.parameters, lang), listed(names, lang), lang)
+
+
 def looks_like(one: SheetGrade | AnswerGrade, lang: str) -> str:
     """Return the diagnosis as text: the mistakes and the share that they explain, or the observed facts."""
     if not one.findings:
         return ''
     explains = one.explains if isinstance(one, SheetGrade) else None
     unknown = any(finding.key == 'unknown' for finding in one.findings)
-    what = ' + '.join(sentence(finding.key, finding.parameters, lang) for finding in one.findings
-                      if finding.key != 'unknown')
+    what = joined(' + ', (sentence(finding.key, finding.parameters, lang) for finding in one.findings
+                          if finding.key != 'unknown'), lang)
     if unknown:
-        return sentence('unknown', {}, lang) + (f'; {sentence("seen", {"what": what}, lang)}' if what else '')
+        seen = [sentence('seen', {'what': what}, lang)] if what else []
+        return joined('; ', (sentence('unknown', {}, lang), *seen), lang)
+    if explains is None and any(finding.key in CAUSES for finding in one.findings):
+        return sentence('looks_like_this', {'what': what}, lang)
     if explains is None or explains < EXPLAINED:
         return sentence('seen', {'what': what}, lang) if isinstance(one, SheetGrade) else what
     return sentence('looks_like', {'what': what, 'share': sentence('explains', {'share': explains}, lang)}, lang)
@@ -120,24 +149,42 @@ def text_of(teams: list[TeamGrade], lang: str) -> str:
     return '\n\n'.join('\n'.join(_lines(team, lang)) for team in teams)
 
 
+def lacks_of(one: SheetGrade, lang: str) -> str:
+    """Return which cells a sheet lacks, as text."""
+    return joined('; ', (sentence(finding.key, finding.parameters, lang) for finding in one.lacks), lang)
+
+
+def _answer_text(answer: AnswerGrade, lang: str) -> str:
+    """Return the verdict on an answer, with the right answer and the mistakes that lead to the given one."""
+    why = looks_like(answer, lang)
+    verdict = why if answer.verdict == 'right' and why else sentence(answer.verdict, None, lang)
+    truth = listed((f'{answer.truth:.10g}', f'{sentence("error", None, lang)} {answer.error:.3g}'), lang)
+    text = listed((f'{answer.given:.10g}', verdict), lang) + bracketed(truth, lang)
+    return joined('; ', (text, why), lang) if why and answer.verdict != 'right' else text
+
+
 def _lines(team: TeamGrade, lang: str) -> Iterable[str]:
     yield team.name
     for one in team.sheets:
-        name = f'  {one.result} {sentence(one.sheet, None, lang)}: {sentence(verdict_key(one.verdict), None, lang)}'
+        name = '  ' + titled(f'{one.result} {sentence(one.sheet, None, lang)}',
+                             sentence(verdict_key(one.verdict), None, lang), lang)
         if one.worst is None:
             told = one.reason is None or any(problem[1:] == one.reason[:2] for problem in team.problems)
-            yield name if told else f'{name}; {reason_of(one, lang)}'
+            yield name if told else joined('; ', (name, reason_of(one, lang)), lang)
             continue
-        shares = ', '.join(f'{share:.2%} {sentence("within", {"bound": bound}, lang)}'
-                           for bound, share in zip(BOUNDS, one.within, strict=True))
-        yield (f'{name}, {one.cells}/{one.expected} {sentence("cells", None, lang)}, '
-               f'{sentence("worst", None, lang)} {one.worst:.3g} ({place_of(one, lang)}); {shares}')
+        shares = (f'{share:.2%} {sentence("within", {"bound": bound}, lang)}'
+                  for bound, share in zip(BOUNDS, one.within, strict=True))
+        facts = listed((name, f'{one.cells}/{one.expected} {sentence("cells", None, lang)}',
+                        f'{sentence("worst", None, lang)} {one.worst:.3g} {UNITS[one.sheet]}'
+                        f'{bracketed(place_of(one, lang), lang)}'), lang)
+        yield joined('; ', (facts, listed(shares, lang)), lang)
         if one.findings:
             yield f'    {looks_like(one, lang)}'
+        if one.lacks:
+            yield f'    {lacks_of(one, lang)}'
+    for cause, where in causes_of(team):
+        yield f'  {titled(sentence("cause", None, lang), cause_line(cause, where, lang), lang)}'
     for answer in team.answers:
-        why = f'; {looks_like(answer, lang)}' if answer.findings else ''
-        yield (f'  {sentence(answer.question, None, lang)}: {answer.given:.10g}, '
-               f'{sentence(answer.verdict, None, lang)} ({answer.truth:.10g}, {sentence("error", None, lang)} '
-               f'{answer.error:.3g}){why}')
+        yield f'  {titled(sentence(answer.question, None, lang), _answer_text(answer, lang), lang)}'
     yield from (f'  - {sentence(key, parameters, lang)}' for key, parameters in team.notes)
     yield from (f'  ! {one.line(lang)}' for one in team.problems)

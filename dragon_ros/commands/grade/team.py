@@ -4,7 +4,7 @@ The grades are plain values that processes can exchange.
 """
 import re
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
@@ -16,6 +16,7 @@ import numpy as np
 from dragon_ros.commands.contest.mistakes import turning
 from dragon_ros.commands.grade.diagnosis import (
     RIGHT,
+    Booleans,
     Diagnosis,
     Finding,
     answer_findings,
@@ -31,13 +32,16 @@ from dragon_ros.core.checks import number
 from dragon_ros.core.errors import DragonError, InputError
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.spec import STurn
-from dragon_ros.scenes.yaml import plain_number, read_document
+from dragon_ros.scenes.yaml import Document, plain_number, read_document
 
-BOUNDS = (1e-6, 1e-4, 1e-2)     # error bounds for which the share of cells is reported
+CLOSE = 1e-2        # largest error of a close table or answer, in its unit
+BOUNDS = (1e-6, 1e-4, CLOSE)     # error bounds for which the share of cells is reported
 QUESTIONS = ('t_s', 'pitch_m', 'turn_m', 'speed_m_s')
 SHEETS = ('positions', 'speeds')
 _TIMES = {'result1': 301, 'result2': 1, 'result4': 201}
-_LEAST_DECIMALS = {'t_s': 2}    # number of decimals that a right answer needs; for the other questions, it is four
+_FIRST_S = {'result1': 0.0, 'result4': -100.0}
+_MOST_RANGES = 8        # largest number of ranges of missing handles or times that are listed
+_LEAST_DECIMALS, _ASKED_DECIMALS = 2, 6     # of a right answer, and those that the contest asks for
 _NAMED = re.compile(r'(?:result|结果|附件|res)[\s_\-]*0?([124])(?!\d)', re.IGNORECASE)
 _LATEST_4_S = 200.0             # last time (s) in result 4 if its times count from 0
 UNREAD = {'not_understood': 'not_understood', 'contradictory': 'not_understood', 'no_result': 'not_understood',
@@ -49,8 +53,8 @@ _HALF_ULP = 0.5000001           # above 0.5, because differences between numbers
 class SheetGrade:
     """The grade for one quantity in a result: its errors (m or m/s), and the mistakes that explain them.
 
-    ``worst`` and its place are None if nothing is given; ``within`` contains the share of cells within each of
-    ``BOUNDS``.
+    ``lacks`` says which cells are missing. ``worst`` and its place are None if nothing is given; ``within`` contains
+    the share of cells within each of ``BOUNDS``.
     """
 
     result: str
@@ -66,19 +70,22 @@ class SheetGrade:
     heat: Heat | None
     unread: str = 'missing'
     reason: Finding | None = None
+    lacks: tuple[Finding, ...] = ()
 
     @property
     def verdict(self) -> str:
         """The verdict: ``right``, ``incomplete``, ``close``, ``wrong``, or ``unread`` if no value is given.
 
-        A sheet is incomplete if it lacks cells and the others are right, and close if all errors are within the largest
-        bound. ``unread`` is ``missing``, ``not_understood`` or ``not_readable``, and ``reason`` says why.
+        A sheet is incomplete if it lacks cells and the others are right, and close if all errors are within ``CLOSE``,
+        unless all speeds are 1 m/s. ``unread`` is ``missing``, ``not_understood`` or ``not_readable``, and ``reason``
+        says why.
         """
         if self.worst is None:
             return self.unread
         if self.worst <= RIGHT:
             return 'right' if self.cells == self.expected else 'incomplete'
-        return 'close' if self.worst <= BOUNDS[-1] else 'wrong'
+        constant = any(one.key == 'all_one' for one in self.findings)
+        return 'close' if self.worst <= CLOSE and not constant else 'wrong'
 
 
 @dataclass(frozen=True)
@@ -318,59 +325,98 @@ def _grade(result: str, sheet: str, times_s: Floats, given: Floats, right: Float
     within = tuple(float(np.mean(error[there] <= bound * (1 + 1e-9))) for bound in BOUNDS)
     return SheetGrade(result, sheet, int(there.sum()), expected, float(np.nanmax(error)), int(handle),
                       float(times_s[row]), within, tuple(why.findings), why.explains,
-                      heat_of(times_s, given, right))
+                      heat_of(times_s, given, right), lacks=tuple(_lacking(result, times_s, there.all(axis=-1))))
+
+
+def _lacking(result: str, times_s: Floats, there: Booleans) -> list[Finding]:
+    """Return which handles and times a sheet lacks: handles at all times, times of all handles, and single cells."""
+    handles, times = np.array(~there.any(axis=0)), np.array(~there.any(axis=1))
+    out = []
+    if handles.any():
+        out.append(Finding('lacks_handles', {'handles': ranges(np.flatnonzero(handles).tolist())}))
+    if result != 'result2':
+        wanted = np.arange(_TIMES[result], dtype=np.float64) + _FIRST_S[result]
+        absent = sorted({*np.setdiff1d(wanted, times_s[~times]).tolist()} if times_s[~times].size else wanted.tolist())
+        if absent:
+            out.append(Finding('lacks_times', {'times': ranges(absent)}))
+    single = ~there & ~handles & ~times[:, None]
+    if single.any():
+        row, handle = np.argwhere(single)[0].tolist()
+        out.append(Finding('lacks_cells', {'count': int(single.sum()), 'handle': handle, 't': float(times_s[row])}))
+    return out
+
+
+def ranges(numbers: Sequence[float]) -> str:
+    """Return whole numbers as text with ranges, such as ``0..5, 9``; a long list is cut after some ranges."""
+    out: list[list[float]] = []
+    for number_ in numbers:
+        if out and number_ == out[-1][1] + 1:
+            out[-1][1] = number_
+        else:
+            out.append([number_, number_])
+    text = [f'{first:g}' if first == last else f'{first:g}..{last:g}' for first, last in out]
+    return ', '.join([*text[:_MOST_RANGES], *(['...'] if len(text) > _MOST_RANGES else [])])
 
 
 # Answers that are a single number.
 def answers_of(path: Path) -> dict[str, float]:
-    """Return the answers in a YAML file, by question. Raises an InputError that names the file, line and key."""
+    """Return the answers in a YAML or JSON file, by question.
+
+    Raises an InputError that names the file, line and key.
+    """
     document = read_document(path)
-    document.check_keys('', document.values, QUESTIONS)
-    return {key: _checked(f'{document.place(key)}: {key}', plain_number(value))
-            for key, value in document.values.items()}
+    return _answers_in(document, *_inner(document))
 
 
 def answers_by_team(path: Path) -> dict[str, dict[str, float]]:
-    """Return the answers of all teams in a YAML file, by team.
+    """Return the answers of all teams in a YAML or JSON file, by team.
 
     Raises an InputError that names the file, line and key.
     """
     document = read_document(path)
-    out = {}
-    for name in document.values:
-        values: Mapping[str, object] = document.section(name)
-        document.check_keys(f'{name}.', values, QUESTIONS)
-        out[str(name)] = {key: _checked(f'{document.place(f"{name}.{key}")}: {key}', plain_number(value))
-                          for key, value in values.items()}
-    return out
+    return {str(name): _answers_in(document, document.section(name), f'{name}.') for name in document.values}
 
 
 def teams_in(path: Path) -> list[Team]:
-    """Return the teams in a YAML file, with their answers; a file of one team need not name it.
+    """Return the teams in a YAML or JSON file, with their answers; a file of one team need not name it.
 
     Raises an InputError that names the file, line and key.
     """
-    values = read_document(path).values
+    document = read_document(path)
+    values, prefix = _inner(document)
     if not values:
         raise InputError(f'{path}: it contains no answers; give at least one of {", ".join(QUESTIONS)}')
-    if not all(isinstance(value, Mapping) for value in values.values()):
+    if prefix or not all(isinstance(value, Mapping) and 'value' not in value for value in values.values()):
         return [Team('answers', [], answers_of(path))]
     return [Team(name, [], answers) for name, answers in answers_by_team(path).items()]
 
 
-def _checked(field_name: str, value: object) -> float:
-    return number(field_name, value, above=0.0, high=1e6)
+def _inner(document: Document) -> tuple[Mapping[str, object], str]:
+    """Return the answers of one team with the prefix of their keys; in ``docs/answers.json``, they are a section."""
+    inner = document.values.get('answers')
+    return (inner, 'answers.') if isinstance(inner, dict) and inner.keys() & {*QUESTIONS} else (document.values, '')
+
+
+def _answers_in(document: Document, values: Mapping[str, object], prefix: str) -> dict[str, float]:
+    """Return the answers in a mapping, whose values are numbers or mappings with a ``value``."""
+    document.check_keys(prefix, values, QUESTIONS)
+    plain = {key: value.get('value') if isinstance(value, dict) else value for key, value in values.items()}
+    return {key: number(f'{document.place(prefix + key)}: {key}', plain_number(value), above=0.0, high=1e6)
+            for key, value in plain.items()}
 
 
 def answer_grade(question: str, given: float) -> AnswerGrade:
-    """Return the grade of an answer, which is right if it has enough decimals and all of them are right."""
+    """Return the grade of an answer, which is right if it has at least two decimals and all of them are right."""
     truth = truth_of(question)
     decimals = len(repr(given).partition('.')[2].rstrip('0')) if 'e' not in repr(given) else 9
     error = abs(given - truth)
-    allowed = max(1e-6, _HALF_ULP * 10.0 ** -decimals) if decimals >= _LEAST_DECIMALS.get(question, 4) else 1e-6
-    verdict = 'right' if error <= allowed else 'close' if error <= BOUNDS[1] * max(1.0, truth) else 'wrong'
-    findings = () if verdict == 'right' else tuple(answer_findings(question, given)) or (Finding('unknown', {}),)
-    return AnswerGrade(question, given, truth, verdict, findings)
+    allowed = max(1e-6, _HALF_ULP * 10.0 ** -decimals) if decimals >= _LEAST_DECIMALS else 1e-6
+    verdict = 'right' if error <= allowed else 'close' if error <= CLOSE else 'wrong'
+    if verdict == 'right':
+        findings = [Finding('right_to', {'digits': decimals})] if decimals < _ASKED_DECIMALS else []
+    else:
+        findings = answer_findings(question, given) or [Finding('unknown', {})]
+    return AnswerGrade(question, given, truth, verdict, tuple(findings))
 
 
 @cache

@@ -2,7 +2,7 @@
 
 Each sentence has the same parameters in both languages, and no key is missing (``test/commands/test_grade_words.py``).
 """
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 
 from dragon_ros.cli.language import Words, say
 
@@ -46,6 +46,15 @@ WORDS: Words = {
     'start_turns': ('the head starts at turn {turns:g}, not 16', '龙头从第 {turns:g} 圈出发，而不是第 16 圈'),
     'time_shift': ('times are shifted by {shift:.6g} s', '时间平移 {shift:.6g} s'),
     'speed': ('the head moves at {speed:.6g} m/s', '龙头速度为 {speed:.6g} m/s'),
+    'enters_at_a': ('when the head starts, the body is not wound on the spiral: it {body}, and enters where the head '
+                    'starts',
+                    '龙头出发时龙身没有盘在螺线上，而是{body}，从龙头的出发点（A 点）进入'),
+    'left_empty': ('is left empty', '空着'), 'at_a_point': ('waits at one point', '停在一点'),
+    'on_a_line': ('waits on a straight line', '排在一条直线上'), 'elsewhere': ('waits elsewhere', '停在别处'),
+    'loose_root': ('a root finder with a tolerance of about {tolerance:g}: the errors of the chords, up to '
+                   '{worst:.2g} m, add up along the dragon',
+                   '求根容差约为 {tolerance:g}：弦长误差（至多 {worst:.2g} m）沿龙身累积'),
+    'zero_times': ('no difference was formed at {t:g} s: all speeds there are 0', '{t:g} s 处没有做差分，速度全为 0'),
     'outward': ('the head winds out, not in', '龙头盘出，而不是盘入'),
     'pitch': ('a pitch of {pitch:.6g} m', '螺距取 {pitch:.6g} m'),
     'turn_shift': ('times are shifted by {shift:.6g} s', '时间平移 {shift:.6g} s'),
@@ -93,6 +102,11 @@ WORDS: Words = {
     'speed_looked': ('speeds are checked every {step:g} s', '每隔 {step:g} s 检查一次速度'),
     # Units, order, axes
     'rounded': ('rounded to {digits} decimals, not six', '保留 {digits} 位小数，而不是 6 位'),
+    'right_to': ('right to {digits} decimals; the contest asks for 6', '{digits} 位小数都正确；竞赛要求 6 位'),
+    'lacks_handles': ('without handles {handles}', '缺少把手 {handles}'),
+    'lacks_times': ('without the times {times} s', '缺少时刻 {times} s'),
+    'lacks_cells': ('other empty cells: {count}, the first at handle {handle}, {t:g} s',
+                    '另有 {count} 个单元格为空，首个在第 {handle} 个把手、{t:g} s'),
     'few_cells': ('wrong cells: {count}, the first at handle {handle}, {t:g} s',
                   '有 {count} 个单元格不符，首个在第 {handle} 个把手、{t:g} s'),
     'centimetres': ('in centimetres, not metres', '单位是厘米，而不是米'),
@@ -220,13 +234,16 @@ WORDS: Words = {
     'within': ('within {bound:g}', '误差 ≤ {bound:g}'), 'diagnosis': ('looks like', '疑似原因'),
     'explains': ('explains {share:.2%} of the error', '解释了 {share:.2%} 的误差'),
     'looks_like': ('looks like: {what} ({share})', '疑似：{what}（{share}）'),
+    'looks_like_this': ('looks like: {what}', '疑似：{what}'),
     'seen': ('seen: {what}', '可见：{what}'),
     'not_readable': ('not readable', '无法读取'),
     'verdict_not_understood': ('not understood', '无法理解'),
     'right': ('right', '正确'),
     'wrong': ('wrong', '错误'),
     'incomplete': ('incomplete', '不完整'),
-    'close': ('close', '接近'),
+    'close': ('close (within 0.01)', '接近（误差 ≤ 0.01）'),
+    'cause': ('cause', '原因'),
+    'causes': ('Causes', '原因'),
     'missing': ('missing', '缺失'),
     'given': ('given', '所给'), 'truth': ('right answer', '正确答案'), 'error': ('error', '误差'),
     't_s': ('question 2: first contact (s)', '问题 2：碰撞时刻 (s)'),
@@ -244,14 +261,16 @@ WORDS: Words = {
     'axis_time': ('time (s)', '时间 (s)'),
     'axis_error': ('worst error (m)', '最大误差 (m)'),
     'axis_error_speed': ('worst error (m/s)', '最大误差 (m/s)'),
-    'made_by': ('dragon_ros {version}. A result is right if its errors are within 2e-6 (six decimals). '
-                'Times are in s, and lengths are in m.',
-                'dragon_ros {version}。误差不超过 2e-6（六位小数）视为正确。时间单位 s，长度单位 m。'),
+    'made_by': ('dragon_ros {version}. A result is right if its errors are within 2e-6 (six decimals), and close if '
+                'they are within 0.01. Times are in s, and lengths are in m.',
+                'dragon_ros {version}。误差不超过 2e-6（六位小数）为正确，不超过 0.01 为接近。'
+                '时间单位 s，长度单位 m。'),
     'notes': ('Notes', '备注'), 'problems': ('Not graded', '未评分'),
     'interrupted': ('interrupted: {done} of {whole} teams were graded', '已中断：{whole} 支队伍中评了 {done} 支'),
     'forward': ('forward', '前向'), 'backward': ('backward', '后向'), 'central': ('central', '中心'),
 }
-_NAMES = ('kind', 'quantity', 'things')       # parameters whose values may be keys of WORDS
+_CHINESE_SEPARATORS = {', ': '，', '; ': '；', ' + ': '；'}
+_NAMES = ('kind', 'quantity', 'things', 'body')       # parameters whose values may be keys of WORDS
 
 
 def sentence(key: str, parameters: Mapping[str, object] | None = None, lang: str = 'en') -> str:
@@ -268,6 +287,21 @@ def sentence(key: str, parameters: Mapping[str, object] | None = None, lang: str
 def titled(title: str, text: str, lang: str) -> str:
     """Return a text after its title, with the punctuation of the language."""
     return f'{title}{"：" if lang == "zh" else ": "}{text}'
+
+
+def listed(items: Iterable[str], lang: str) -> str:
+    """Return items as a list."""
+    return joined(', ', items, lang)
+
+
+def joined(separator: str, items: Iterable[str], lang: str) -> str:
+    """Return items joined by the separator, or by its form in Chinese."""
+    return (_CHINESE_SEPARATORS.get(separator, separator) if lang == 'zh' else separator).join(items)
+
+
+def bracketed(text: str, lang: str) -> str:
+    """Return a text in brackets, to be put behind another."""
+    return f'（{text}）' if lang == 'zh' else f' ({text})'
 
 
 def handle_name(handle: int, lang: str = 'en') -> str:
