@@ -42,8 +42,8 @@ def right_answers() -> dict[str, Any]:
                 './dragon contact --certificate proof.json'),
             'pitch_m': _answer(
                 3, 'm', round(pitch.high_m, 14), round(pitch.high_m - pitch.low_m + _STATE, 13), 'proved', 'at the '
-                'lower end of the bracket two benches touch, and from the upper end to 1 m none do; up to the error of the '
-                'computed positions', './dragon design min-pitch'),
+                'lower end of the bracket two benches touch, and from the upper end to 1 m none do; up to the error of '
+                'the computed positions', './dragon design min-pitch'),
             'turn_m': _answer(
                 4, 'm', round(turn.track.length_m, 12), 1e-12, 'closed form', 'no other ratio of the radii shortens '
                 'the turn', './dragon design turn'),
