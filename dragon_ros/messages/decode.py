@@ -183,7 +183,8 @@ class Poses:
 
 
 _STAMP = struct.Struct('<iI')
-_STAMP_AT = {'visualization_msgs/msg/MarkerArray': 8, 'std_msgs/msg/Float64MultiArray': None,
+_IN_ARRAY = 8       # offset of the stamp of an array's first element
+_STAMP_AT = {'visualization_msgs/msg/MarkerArray': _IN_ARRAY, 'std_msgs/msg/Float64MultiArray': None,
              'std_msgs/msg/Float64': None, 'std_msgs/msg/Bool': None, 'std_msgs/msg/String': None}
 
 
@@ -193,9 +194,14 @@ def stamp_at_of(kind: str) -> int | None:
 
 
 def stamp_of_message(kind: str, data: bytes) -> int | None:
-    """Return the first stamp (ns) of a message, or None if its type has no stamp. Raises MessageError."""
+    """Return the first stamp (ns) of a message, or None if it has none, like an empty array. Raises MessageError."""
     at = stamp_at_of(kind)
-    return None if at is None else read_stamp_ns(data, at)
+    return None if at is None or (at == _IN_ARRAY and is_empty_array(data)) else read_stamp_ns(data, at)
+
+
+def is_empty_array(data: bytes | bytearray) -> bool:
+    """Return whether a message that is an array of others, such as a MarkerArray, has no element, and so no stamp."""
+    return len(data) == _IN_ARRAY and not any(data[4:])
 
 
 def read_stamp_ns(data: bytes, at: int = 4) -> int:

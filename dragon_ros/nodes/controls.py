@@ -95,7 +95,7 @@ class Player:
         """Offer the services; playback starts when ``ready()`` is true."""
         self.pacer, self.paused, self.stopped, self.done = Pacer(time_scale), False, False, False
         self._node, self._source, self._ready = node, source, ready
-        self._waiting, self._owed = True, Steps(0)
+        self._waiting, self._holds, self._owed = True, False, Steps(0)
         self._note_place()
         self._timer = node.create_timer(0.0, self._on_timer, clock=STEADY)
         for name in ('pause', 'resume', 'reset', 'step', 'seek'):
@@ -103,26 +103,31 @@ class Player:
 
     def pause(self) -> str:
         """Pause after the last frame."""
-        self.paused, self.stopped = True, False
+        self.paused, self.stopped, self._holds = True, False, False
         return f'paused {self._source.place()}'
 
     def resume(self) -> str:
         """Resume; the next frame is due one tick from now. Raises DragonError if the player holds at the end."""
         if self._node.setting['at_end'] == 'hold':
             self._check_next()
-        self.paused = self.stopped = False
+        self.paused = self.stopped = self._holds = False
         self._wake()
         return f'resumed {self._source.place()}'
 
     def reset(self) -> str:
-        """Return to the first frame and show it, so that time jumps backwards; a paused player stays paused."""
+        """Return to the first frame and show it, so that time jumps backwards; a paused player stays paused.
+
+        A player that holds at the end starts again.
+        """
+        if self._holds:
+            self.paused = self._holds = False
         self._source.rewind()
-        return self._show_now(1)
+        return self._show_now(1) + self._pause_note()
 
     def step(self) -> str:
         """Pause, and play the next ``step_ticks`` frames immediately."""
-        self.pause()
         self._check_next()
+        self.pause()
         return self._show_now(self._node.setting['step_ticks'])
 
     def advance(self, steps: Steps) -> None:
@@ -130,8 +135,8 @@ class Player:
 
         Any other action that shows a frame ends the steps early.
         """
-        self.pause()
         self._check_next()
+        self.pause()
         self._owe(steps)
         self._wake(self._play() or 0)
 
@@ -151,7 +156,10 @@ class Player:
         """Show the last frame at or before ``t_ns`` (None: the first). Raises DragonError if there is no frame."""
         self._source.seek(t_ns)
         self.stopped = False
-        return self._show_now(1)
+        return self._show_now(1) + self._pause_note()
+
+    def _pause_note(self) -> str:
+        return '; paused, call resume to continue' if self.paused else ''
 
     def quit(self) -> None:
         """End the playback permanently after the last frame shown."""
@@ -266,7 +274,8 @@ class Player:
             self._source.rewind()
             self.pacer.rest()
             return _AGAIN_NS if self.pacer.scale and self._source.next_ns() == self.pacer.last_ns else 0
-        self.paused, self.done = at_end == 'hold', at_end == 'stop'
+        self.paused = self._holds = at_end == 'hold'
+        self.done = at_end == 'stop'
         self._log_end(': holding until a signal, reset or seek' if self.paused else '')
         return None
 

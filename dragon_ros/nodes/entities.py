@@ -13,7 +13,7 @@ from dragon_ros.core.frame import Frame
 from dragon_ros.core.geometry.rectangles import Benches, benches_of
 from dragon_ros.core.limits import COORDINATE_M, FILTER_CHARACTERS, FILTER_POINTS, FILTER_S
 from dragon_ros.core.numerics.types import Array, Floats
-from dragon_ros.messages.decode import MessageError, Poses, read_multi_array
+from dragon_ros.messages.decode import MessageError, Poses, is_empty_array, read_multi_array
 from dragon_ros.messages.observation import observation_of, placed, read_benches, read_handles
 
 _TINY_M = 1e-100      # coordinates below this are taken as 0
@@ -90,7 +90,7 @@ def bodies_of_messages(last: Mapping[str, Message]) -> Bodies | None:
 
 
 def _benches(poses: Poses, last: Mapping[str, Message]) -> Benches | None:
-    if 'benches' not in last:
+    if 'benches' not in last or is_empty_array(last['benches'].data):
         return None
     shown = read_benches(last['benches'].data)
     return observation_of(poses, shown).benches if shown.t_ns == poses.t_ns else None

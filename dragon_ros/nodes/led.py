@@ -72,7 +72,10 @@ class Commands:
             self._stamp_ns = 0
         off_s = (self._now_ns - stamp_ns) / NS
         if stamp_ns and (abs(off_s) > self._timeout_s or stamp_ns < self._stamp_ns):
-            self._drop('stale', f'its stamp is {off_s:.3f} s behind the clock of this node')
+            clock = 'the simulation time on /clock' if self._node.get_clock().ros_time_is_active else 'the wall clock'
+            self._drop('stale', f'its stamp is {abs(off_s):.3f} s {"behind" if off_s >= 0 else "ahead of"} {clock}, '
+                       'which this node follows' if abs(off_s) > self._timeout_s else
+                       f'its stamp is {(self._stamp_ns - stamp_ns) / NS:.3f} s before that of an earlier command')
             return
         if self._take(message.twist):
             self._stamp_ns = stamp_ns

@@ -20,7 +20,7 @@ from dragon_ros.core.words import counted
 from dragon_ros.messages.bench_reader import BenchReader
 from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels
-from dragon_ros.messages.decode import MessageError
+from dragon_ros.messages.decode import MessageError, is_empty_array
 from dragon_ros.messages.monitor_markers import clearance_marker, report_markers, stamped_clearance, vector_of
 from dragon_ros.messages.observation import observations_of, read_handles
 from dragon_ros.messages.synchronizer import Pair, Synchronizer
@@ -84,6 +84,8 @@ class Monitor(DragonNode):
     def _take(self, topic: str, data: bytes, info: Any) -> None:
         """Read a message; if it belongs to the observed dragon, it may complete a tick, which is then examined."""
         def take() -> None:
+            if topic == 'benches' and is_empty_array(data):
+                return
             half, number = self._read[topic](data), raw_subscription.number(info)
             if self._sources[topic].keeps(number, half.t_ns):
                 if topic == 'handles':

@@ -143,7 +143,8 @@ class Obstacles:
         try:
             located = read(data)
         except InputError as error:
-            self._fault(topic, str(error))
+            before = self._text(topic)
+            self._fault(topic, f'{error}' + (f'; the last valid message stays in use: {before}' if before else ''))
         else:
             self._faults.pop(topic, None)
             if located.left_out:
@@ -156,6 +157,7 @@ class Obstacles:
         self._waiting.discard(self._node.resolve_topic_name(topic))
 
     def _fault(self, topic: str, why: str) -> None:
+        """Note why a message, or a part of it, is not used."""
         self._faults[topic] = why
         self._node.get_logger().warning(f'{topic}: not used: {why}')
 
@@ -218,9 +220,10 @@ class Obstacles:
         if new and self._unused:
             self._place()
 
-    def _text(self) -> str:
+    def _text(self, only: str = '') -> str:
+        """Return the obstacles in use, of all sources or of one."""
         return ', '.join(f'{_counted(self._located[source].around)} from {source}{_at(pose)}'
-                         for source, _, pose in self._placed)
+                         for source, _, pose in self._placed if only in ('', source))
 
     def statuses(self, dragon: str) -> list[DiagnosticStatus]:
         """Return a status for all obstacles (WARN, with the reasons, if any are unused), or [] if there are none."""
@@ -228,9 +231,10 @@ class Obstacles:
         if not self._located and not unused:
             return []
         values = {**{source: f'{_counted(self._located[source].around)}{_at(pose)}'
-                     for source, _, pose in self._placed}, **unused}
+                     for source, _, pose in self._placed},
+                  **{f'not used from {source}': why for source, why in unused.items()}}
         level = DiagnosticStatus.WARN if unused else DiagnosticStatus.OK
-        message = '; '.join(f'{source}: not used: {why}' for source, why in unused.items()) or self._text() or 'none'
+        message = '; '.join([self._text() or 'none', *(f'{source}: not used: {why}' for source, why in unused.items())])
         return [DiagnosticStatus(level=level, name=f'{dragon}: monitor: obstacles', hardware_id=dragon, message=message,
                                  values=[KeyValue(key=key, value=value) for key, value in values.items()])]
 

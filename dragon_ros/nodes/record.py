@@ -24,7 +24,7 @@ from dragon_ros.core.errors import DiskError
 from dragon_ros.core.limits import RECORDED_SCENES
 from dragon_ros.core.words import counted
 from dragon_ros.messages.channels import Channel, channels
-from dragon_ros.messages.decode import MessageError, read_health, read_stamp_ns, read_string, stamp_at_of
+from dragon_ros.messages.decode import MessageError, read_health, read_string, stamp_of_message
 from dragon_ros.messages.even_skips import FROM_FILL, EvenSkips
 from dragon_ros.nodes import publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import DragonNode
@@ -285,7 +285,7 @@ class Recorder(DragonNode):
         """Return the callback that writes one topic."""
         shared = channel.name.startswith('/')      # all nodes of the graph publish this topic, stamped with wall time
         once = channel.latched and channel.publisher == 'sim'      # valid for all ticks, regardless of its stamp
-        stamp_at = None if shared or once else stamp_at_of(channel.type)
+        stamped = not (shared or once)
         handles, benches, scene, report, health = (
             channel.name == name for name in ('handles', 'benches', 'scene', _REPORT, _HEALTH))
         watched = self._monitored if channel.publisher == 'monitor' and not shared else self._simulation
@@ -296,10 +296,10 @@ class Recorder(DragonNode):
             self._seen = self._seen or handles
             source_ns, sequence = info['source_timestamp'], info['publication_sequence_number'] or 0
             try:
-                t_ns = self._heed(data, dragon) if health else None if stamp_at is None else read_stamp_ns(
-                    data, stamp_at)
+                t_ns = self._heed(data, dragon) if health else stamp_of_message(
+                    channel.type, data) if stamped else None
                 if t_ns is None:
-                    watched.unstamped(topic, data, source_ns, sequence, channel.latched, not (shared or once))
+                    watched.unstamped(topic, data, source_ns, sequence, channel.latched, stamped)
                     if scene:
                         self._learn(read_string(data))
                     return

@@ -93,10 +93,10 @@ def test_step_plays_the_requested_ticks_and_pauses_again(paused):
 
 def test_seek_shows_the_last_tick_at_or_before_the_time_and_does_not_start_what_is_paused(paused):
     assert paused.set('seek_s', 410.009) == (True, '')
-    assert paused.call('seek') == (True, 'at 410.000 s, tick 500 of 651')
+    assert paused.call('seek') == (True, 'at 410.000 s, tick 500 of 651; paused, call resume to continue')
     assert paused.call('step')[0]
     paused.shown(500, 501)
-    assert paused.call('reset') == (True, 'at 400.000 s, tick 0 of 651')
+    assert paused.call('reset') == (True, 'at 400.000 s, tick 0 of 651; paused, call resume to continue')
     paused.shown(0)
 
 
@@ -120,15 +120,15 @@ def test_a_run_that_holds_at_its_end_is_there_for_control(paused, node):
         succeeded, why = paused.call(name)
         assert not succeeded
         assert 'the run stops at 413.000000 s after 651 ticks: no frame follows; reset or seek' in why
-    assert paused.call('reset')[0]
-    assert paused.call('step')[0]
-    paused.shown(0, 1)
+    assert paused.call('reset') == (True, 'at 400.000 s, tick 0 of 651')
+    node.until(lambda: len(paused.stamps) > 2)      # it runs again
+    assert paused.stamps[:3] == [START_NS + TICK_NS * k for k in range(3)]
     assert paused.process.stop() == 0
 
 
 def test_seek_as_it_is_goes_to_the_start(paused):
     assert paused.call('step')[0]
-    assert paused.call('seek') == (True, 'at 400.000 s, tick 0 of 651')
+    assert paused.call('seek') == (True, 'at 400.000 s, tick 0 of 651; paused, call resume to continue')
     paused.shown(1, 0)
 
 

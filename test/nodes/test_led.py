@@ -171,3 +171,19 @@ def test_commands_are_accepted_again_after_the_clock_was_set_back(node):
     say(5 * NS, 6 * NS)
     say(5 * NS + 1, 5 * NS)
     assert (commands.taken, dict(commands.dropped)) == (4, {'stale': 2})
+
+
+def test_a_stale_command_is_said_to_be_ahead_or_behind_and_of_which_clock(start, node):
+    from geometry_msgs.msg import TwistStamped
+    out = node.create_publisher(TwistStamped, 'cmd_vel', 10)
+    sim = start('sim', *LED, '--ros-args', '-p', 'discovery_s:=0.0')
+    node.until(lambda: node.count_subscribers('/dragon/cmd_vel') == 1)
+    message = TwistStamped()
+
+    def said(words, sec):
+        message.header.stamp.sec = sec
+        out.publish(message)
+        return words in sim.text
+    node.until(lambda: said('s behind the wall clock, which this node follows', 100))
+    node.until(lambda: said('s ahead of the wall clock, which this node follows', 2**31 - 1))
+    assert ' -' not in sim.text.partition('command dropped')[2].partition('\n')[0]

@@ -115,8 +115,10 @@ def test_a_live_run_a_replay_and_the_offline_answers_agree_on_the_contact_with_a
         assert (touch.obstacle, touch.benches) == ('post', (0,))
         assert f'{touch.t_s:.9f}' == first.values['t_contact_s']
     capsys.readouterr()
-    assert main(['inspect', str(again), '--check']) == 0, capsys.readouterr().out
-    assert 'of collision/obstacles (published by monitor at its own rate)' in capsys.readouterr().out
+    assert main(['inspect', str(again), '--check']) == 1     # the replay left out two topics
+    checked = capsys.readouterr().out
+    assert '0 are not; 2 are missing' in checked
+    assert 'of collision/obstacles (published by monitor at its own rate)' in checked
     assert main(['contact', str(again)]) == 0
     assert f'in the recorded ticks, bench 0 touches post at {touch.t_s:.9f} s' in capsys.readouterr().err
     assert main(['inspect', str(again)]) == 0
@@ -258,7 +260,11 @@ def test_a_venue_may_come_late_change_and_vanish_and_one_of_a_file_counts_with_i
     dragon.show(202)
     dragon.wait('dragon', "contact ended by a change of the venue: bench 0 and obstacle 'gate'")
     out.publish(b'\x00\x01\x00\x00\x07\x00\x00\x00')
-    dragon.wait('dragon', 'venue: not used: 8 bytes cannot hold 7 markers')
+    dragon.wait('dragon', '1 obstacle with 1 edge from file far.geojson, 1 obstacle with 1 edge from venue; venue: not '
+                          'used: 8 bytes cannot hold 7 markers; the last valid message stays in use: 1 obstacle with')
+    values = {pair.key: pair.value for pair in dragon.health['dragon'][-1].values}
+    assert values['venue'] == '1 obstacle with 1 edge'
+    assert values['not used from venue'].startswith('8 bytes cannot hold 7 markers')
     out.publish(bytes.fromhex('0001000000000000'))
     later = iter(range(203, 380))
 
@@ -325,3 +331,64 @@ def test_a_map_is_moved_by_static_and_other_transforms_where_there_are_some(star
     monitor.wait_for('moved to (33, 0) m, 180 deg')
     dragon.show(300)
     dragon.wait('dragon', "end of contact: bench 0 and obstacle 'map'")
+
+
+@pytest.mark.parametrize('fault', ['nan', 'tilted'])
+def test_the_status_names_the_obstacles_in_use_after_a_refused_venue(start, node, fault):
+    from geometry_msgs.msg import Point
+    from visualization_msgs.msg import Marker, MarkerArray
+
+    from dragon_ros.nodes import qos
+    scene = load_scene('street', ['dragon.benches=5', 'venue=null', 'run.stop_s=20'])
+    monitor = start('monitor')
+    dragon = Dragon(node, scene, 'dragon')
+    out = node.create_publisher(MarkerArray, 'venue', qos.of_channel(channels()['venue']))
+    out.publish(once(replace(scene, venue=wall(24.0, 'gate')), 'dragon')['venue'])
+    monitor.wait_for('venue: 1 obstacle')
+    dragon.show(0, 202)
+    dragon.wait('dragon', "contact of bench 0 and obstacle 'gate'")
+    one = Marker(ns='venue', type=Marker.LINE_LIST, action=Marker.ADD, points=[Point(x=50.0, y=0.0), Point(x=51.0)])
+    one.header.frame_id = 'dragon'
+    if fault == 'nan':
+        one.points[0].y = float('nan')
+    one.pose.orientation.x, one.pose.orientation.w = (0.7, 0.7) if fault == 'tilted' else (0.0, 1.0)
+    out.publish(MarkerArray(markers=[one]))
+    dragon.wait('dragon', '1 obstacle with 1 edge from venue; venue: not used: ')
+    dragon.wait('dragon', 'the last valid message stays in use: 1 obstacle with 1 edge from venue')
+    dragon.show(203)
+    node.until(lambda: len(dragon.health['dragon']) > 3)
+    assert not dragon.heard('dragon', 'contact ended')
+
+
+def test_the_status_names_the_map_in_use_after_one_with_too_many_edges(start, node):
+    scene = load_scene('street', ['dragon.benches=5', 'venue=null', 'run.stop_s=20'])
+    monitor = start('monitor')
+    server, dragon = Map(node), Dragon(node, scene, 'dragon')
+    server.show(np.array([[100]]), 0.5, (26.0, -0.25), 0, 'dragon')
+    monitor.wait_for('/map: 1 obstacle')
+    dragon.show(0)
+    dragon.wait('dragon', '1 obstacle with 4 edges from /map')
+    server.show(np.indices((500, 500)).sum(axis=0) % 2 * 100, 0.5, (1000.0, 0.0), 0, 'dragon')
+    dragon.wait('dragon', '1 obstacle with 4 edges from /map; /map: not used: ')
+    dragon.wait('dragon', 'the last valid message stays in use: 1 obstacle with 4 edges from /map')
+
+
+def test_an_empty_array_of_markers_is_valid(start, node, tmp_path):
+    from visualization_msgs.msg import MarkerArray
+    scene = load_scene('street', ['dragon.benches=5', 'venue=null', 'run.stop_s=20'])
+    monitor, record = start('monitor'), start('record', '--output', 'a.mcap', '--keep-going')
+    record.wait_for('recording to')
+    node.until(lambda: node.count_subscribers('/dragon/benches') == 2)
+    dragon = Dragon(node, scene, 'dragon', 'record')
+    dragon.show(0)
+    dragon.out['benches'].publish(MarkerArray())
+    dragon.show(1)
+    node.until(lambda: node.count_publishers('/dragon/clearance/stamped') == 1)
+    assert monitor.stop() == 0
+    assert 'saw 2 ticks' in monitor.text
+    assert 'dropped' not in monitor.text
+    record.stop()
+    assert 'invalid' not in record.text
+    with BagReader(tmp_path / 'a.mcap') as bag:
+        assert {topic.name: topic.messages for topic in bag.topics}['/dragon/benches'] == 3
+        assert [one.t_ns for one in frames(bag)] == [scene.run.time_ns(k) for k in (0, 1)]

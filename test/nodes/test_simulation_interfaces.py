@@ -157,7 +157,7 @@ def test_steps_are_counted_from_a_pause_alone_and_end_with_the_run(sim):
     stands_at(sim, 5)
     result = sim.call('StepSimulation', steps=2**64 - 1).result
     assert (result.result, result.error_message.split(',')[0]) == (
-        failed, f'45 of {2**64 - 1} steps were shown')
+        failed, f'45 of {2**64 - 1} steps were shown before the run ended')
     stands_at(sim, LAST)
     assert sim.call('StepSimulation').result.result == failed
     assert sim.call('ResetSimulation').result.result == 1

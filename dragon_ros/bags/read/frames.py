@@ -22,6 +22,7 @@ from dragon_ros.messages.bench_reader import BenchReader
 from dragon_ros.messages.decode import (
     MessageError,
     Poses,
+    is_empty_array,
     read_multi_array,
     read_odometry,
     read_stamp_ns,
@@ -360,7 +361,8 @@ class _Ticks:
             speeds = self._speeds[1] if self._speeds and self._speeds[0] == message.t_ns else None
             self._waiting[poses.t_ns] = _FrameParts(message.t_ns, poses, self._early.pop(poses.t_ns, None), speeds)
         elif name == 'benches':
-            self._add_benches(self._benches.read(message.data))
+            if not is_empty_array(message.data):
+                self._add_benches(self._benches.read(message.data))
         else:
             self._add_speeds(message.t_ns, _velocities(message.data))
         return True
