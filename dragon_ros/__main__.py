@@ -14,6 +14,7 @@ from typing import NoReturn
 
 from dragon_ros.executables import EXECUTABLES, NODES
 
+_LINUX = 'fcntl', 'resource', 'termios', 'tty'      # modules that other systems lack
 _SPIN = '16'            # an idle OpenBLAS thread spins for 2^16 cycles instead of the default 2^26
 _GARBAGE = 20_000       # number of new containers that triggers a garbage collection; the default of 700 is far too low
 
@@ -41,7 +42,8 @@ def main(argv: list[str]) -> int:
     executable = EXECUTABLES[name]
     before = signal.getsignal(signal.SIGINT)
     ended = [] if executable.module == NODES else [
-        number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) is signal.SIG_DFL]
+        number for number in (signal.SIGTERM, getattr(signal, 'SIGHUP', signal.SIGTERM))    # Windows has no SIGHUP
+        if signal.getsignal(number) is signal.SIG_DFL]
     for number in ended:
         signal.signal(number, _end)
     try:
@@ -53,8 +55,11 @@ def main(argv: list[str]) -> int:
     except ModuleNotFoundError as error:
         if executable.module != NODES or error.name is None or error.name.startswith('dragon_ros'):
             raise
-        print(f'{name}: {error.name.partition(".")[0]} is not installed, and nodes need ROS 2: run ./dragon {name} '
-              'in a checkout, which installs ROS 2, or use an environment with ROS 2 (see README.md)', file=sys.stderr)
+        missing = error.name.partition('.')[0]
+        print(f'{name}: nodes need Linux, because they use the module {missing}; `simulate` writes the same bag' if
+              missing in _LINUX else
+              f'{name}: {missing} is not installed, and nodes need ROS 2: run ./dragon {name} in a checkout, which '
+              'installs ROS 2, or use an environment with ROS 2 (see README.md)', file=sys.stderr)
         return 2
     finally:
         if signal.getsignal(signal.SIGINT) is _leave:

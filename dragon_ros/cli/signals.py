@@ -9,10 +9,11 @@ from typing import Any
 def ending() -> list[signal.Signals]:
     """Return the signals that end a command: SIGINT, SIGTERM and, unless ignored, SIGHUP (a closed terminal).
 
-    ``nohup`` makes a command ignore SIGHUP.
+    ``nohup`` makes a command ignore SIGHUP, and Windows does not have it.
     """
-    hang_up = [signal.SIGHUP] if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN else []
-    return [signal.SIGINT, signal.SIGTERM, *hang_up]
+    hang_up = getattr(signal, 'SIGHUP', None)
+    both = [signal.SIGINT, signal.SIGTERM]
+    return both if hang_up is None or signal.getsignal(hang_up) is signal.SIG_IGN else [*both, hang_up]
 
 
 @contextmanager

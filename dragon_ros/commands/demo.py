@@ -8,7 +8,7 @@ import time
 from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from fcntl import LOCK_EX, LOCK_NB, flock
+from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, NoReturn
 
@@ -16,6 +16,7 @@ from tqdm import tqdm
 
 from dragon_ros.bags.check.compare import Comparison, compare_with_model
 from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.bags.write.lock import lock
 from dragon_ros.cli import command_line
 from dragon_ros.cli.dds_domain import free_domain, local_environment
 from dragon_ros.cli.figures import save, style
@@ -53,6 +54,10 @@ def _later() -> Iterator[None]:
 
 def run(arguments: Namespace) -> int:
     """Run the demonstration; return the exit code. A signal ends the demonstration and all its processes."""
+    missing = [name for name in ('resource', 'termios', 'rclpy') if find_spec(name) is None]
+    if missing:
+        raise MissingError(f'the nodes of the demo need Linux and ROS 2, but {missing[0]} is missing; `view --scene '
+                           f'{SCENE}` shows the same run without them')
     for number in ending():
         signal.signal(number, _end)
     folder: Path = arguments.output
@@ -67,9 +72,9 @@ def run(arguments: Namespace) -> int:
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
     """Reserve the folder for this demonstration."""
-    with (folder / 'lock').open('w') as lock:
+    with (folder / 'lock').open('w') as file:
         try:
-            flock(lock, LOCK_EX | LOCK_NB)
+            lock(file)
         except BlockingIOError:
             raise MissingError(f'{folder}: another demo is using this folder; wait, or give another --output') from None
         yield

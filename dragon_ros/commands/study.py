@@ -78,6 +78,8 @@ def _libraries() -> Iterator[None]:
     try:
         yield
     except ImportError as error:
+        if error.name == 'resource':        # Dask imports it
+            raise MissingError('studies need Linux, because Dask uses the module resource') from None
         raise MissingError(f"{error.name}: it is not installed, but studies need it; pip install 'dragon_ros[study]', "
                            'or use ./dragon study, which installs it') from None
 

@@ -6,7 +6,6 @@ batches are joined into larger ones, block by block, and then removed. If the st
 duplicate rows are ignored until the next run removes them. In the end, each block of ``BLOCK`` rows is one file,
 regardless of the sizes of the batches.
 """
-import fcntl
 import os
 import re
 from collections.abc import Iterator
@@ -17,6 +16,7 @@ from typing import IO, Any, NamedTuple
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from dragon_ros.bags.write.lock import lock
 from dragon_ros.core.errors import DiskError, InputError, MissingError
 from dragon_ros.core.words import counted
 from dragon_ros.scenes.provenance import versions
@@ -207,11 +207,11 @@ def writing(folder: Path, study: Study) -> Iterator[DataSet]:
     """
     try:
         (folder / ROWS).mkdir(parents=True, exist_ok=True)
-        lock = (folder / LOCK).open('wb')
+        file = (folder / LOCK).open('wb')
     except OSError as error:
         raise MissingError(f'--output {folder}: cannot be written: {error.strerror}') from None
-    with lock:
-        _lock(lock, folder)
+    with file:
+        _lock(file, folder)
         _check_same(folder, study)
         _write_study(folder, study)
         kept = DataSet(folder, study)
@@ -222,7 +222,7 @@ def writing(folder: Path, study: Study) -> Iterator[DataSet]:
 
 def _lock(file: IO[bytes], folder: Path) -> None:
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        lock(file)
     except OSError:
         raise InputError(f'{folder}: another process is writing this study; wait for it, or give another --output'
                          ) from None

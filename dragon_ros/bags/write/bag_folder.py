@@ -1,10 +1,10 @@
 """The folder of a bag being written: locked against other writers, with space reserved for its metadata.yaml."""
 import os
 from contextlib import suppress
-from fcntl import LOCK_EX, LOCK_NB, flock
 from pathlib import Path
 
 from dragon_ros.bags.write.empty_bag import holds_no_message
+from dragon_ros.bags.write.lock import lock
 from dragon_ros.core.errors import DiskError, MissingError
 
 _METADATA = 'metadata.yaml'
@@ -30,7 +30,7 @@ class BagFolder:
         except OSError as error:
             raise MissingError(f'{path}: cannot be written: {error.strerror}; give another --output') from None
         try:
-            flock(self._lock, LOCK_EX | LOCK_NB)
+            lock(self._lock)
             for old in (*parts, path / _METADATA):
                 old.unlink(missing_ok=True)
         except BlockingIOError:

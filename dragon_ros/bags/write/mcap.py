@@ -13,7 +13,6 @@ from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
-from fcntl import LOCK_EX, LOCK_NB, flock
 from functools import partial
 from io import FileIO
 from itertools import chain
@@ -28,6 +27,7 @@ from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
 from dragon_ros.bags.write.empty_bag import holds_no_message
+from dragon_ros.bags.write.lock import lock
 from dragon_ros.bags.write.page_cache import PageCache
 from dragon_ros.core import limits
 from dragon_ros.core.errors import DiskError, MissingError
@@ -630,7 +630,7 @@ def _create(path: Path, overwrite: bool) -> FileIO:
             raise MissingError(f'{path}: is read-only; give another --output')
         # An existing file is emptied only after it is locked, that is, when no other process is writing it.
         file = FileIO(path, 'r+' if path.exists() and (overwrite or holds_no_message(path)) else 'x')
-        flock(file, LOCK_EX | LOCK_NB)
+        lock(file)
         file.truncate(0)
         return file
     except BlockingIOError:

@@ -68,10 +68,14 @@ def _in_place(path: Path, target: Path) -> bool:
         now = path.stat()
     except FileNotFoundError:
         return False
-    if not S_ISREG(now.st_mode) or now.st_nlink > 1 or now.st_uid != os.geteuid() or _is_open_file(path):
+    if not S_ISREG(now.st_mode) or now.st_nlink > 1 or _is_foreign(now) or _is_open_file(path):
         return True
     os.close(os.open(target, os.O_WRONLY))
     return not os.access(target.parent, os.W_OK)
+
+
+def _is_foreign(now: os.stat_result) -> bool:
+    return hasattr(os, 'geteuid') and now.st_uid != os.geteuid()        # Windows has no such owners
 
 
 def _is_open_file(path: Path) -> bool:
