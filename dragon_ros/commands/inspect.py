@@ -75,7 +75,10 @@ def _inspect(arguments: Namespace) -> tuple[dict[str, Any], int]:
             with suppress(DragonError):
                 values.update(_dragon(arguments, damaged=True))
     values['topics'] = _topics(contents, values.pop('run', None))
-    return values, command_line.FAILED if contents.problems.count else command_line.OK
+    if contents.problems.count:
+        return values, command_line.FAILED
+    is_partial = 'unread' in values or 'unsearched' in values.get('first_contact', ())
+    return values, command_line.INCOMPLETE if is_partial else command_line.OK
 
 
 def _examined(path: Path) -> Contents:
@@ -148,7 +151,7 @@ def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
 def _verdict(path: Path, found: 'Comparison', tier: str) -> dict[str, Any]:
     return {'bag': str(path), 'equal': found.equal, 'close': found.close, 'worst_m': found.worst_m, 'tier': tier,
             'other_version': found.other_version, 'other_kernel': found.other_kernel, 'fault_count': found.fault_count,
-            'missing_count': found.missing_count, 'faults': found.faults, 'once': found.once, 'lacks': found.lacks,
+            'missing_count': found.missing_count, 'faults': found.faults, 'once': found.once, 'notes': found.notes,
             'unchecked': {name: {'messages': count, 'reason': why} for name, (count, why) in found.unchecked.items()}}
 
 
@@ -188,14 +191,12 @@ def _check_text(values: dict[str, Any]) -> str:
     missing = values['missing_count']
     line += f', {counted(values["fault_count"] - missing, "", "is")} not' + (
         f'; {counted(missing, "", "is")} missing' if missing else '')
-    lines = [line] + [f'  {fault}' for fault in values['faults'][:_SHOWN]]
+    lines = [line] + [f'  {note}' for note in values['notes']] + [f'  {fault}' for fault in values['faults'][:_SHOWN]]
     lines += _more(len(values['faults'][:_SHOWN]), len(values['faults']))
     if values['end_proved']:
         lines.append(f'  the certificate in the bag proves the end of the run: {values["end_proved"]}')
     if values['once']:
         lines.append(f'  scene and track: {counted(values["once"], "message", "matches")} the scene')
-    if values['lacks']:
-        lines.append(f'  not in the bag: {", ".join(values["lacks"])}')
     return '\n'.join([*lines, *(f'  unchecked: {row["messages"]} of {name} ({row["reason"]})'
                                 for name, row in values['unchecked'].items())])
 

@@ -1,5 +1,6 @@
 """Bags that contain half a second of the model; shared by the tests of writers and readers."""
 import pytest
+from recorded import introduce
 
 from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.core.model import compile_scene
@@ -16,6 +17,7 @@ def _write_bag(path, ticks=range(compile_scene(SCENE).last_tick + 1)):
     with BagWriter(path) as bag:
         for name, row in channels().items():
             bag.add_channel(f'/dragon/{name}', row)
+        introduce(bag, SCENE)
         for k in ticks:
             frame = tick(SCENE, k)
             for name in encode:

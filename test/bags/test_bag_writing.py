@@ -64,7 +64,8 @@ def test_channels_carry_what_rosbag2_wants(tmp_path, write_bag):
         summary = make_reader(file).get_summary()
         header = make_reader(file).get_header()
     assert header.profile == 'ros2'
-    assert sorted(channel.topic for channel in summary.channels.values()) == sorted(TOPICS)
+    assert sorted(channel.topic for channel in summary.channels.values()) == sorted(
+        [*TOPICS, '/dragon/scene', '/dragon/track'])
     for channel in summary.channels.values():
         assert channel.message_encoding == 'cdr'
         assert channel.metadata['topic_type_hash'].startswith('RIHS01_')

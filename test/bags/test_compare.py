@@ -7,6 +7,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from properties import examples
+from recorded import introduce
 
 from dragon_ros.bags.check import compare
 from dragon_ros.bags.check.compare import compare_with_model
@@ -49,7 +50,7 @@ def test_a_lost_a_doubled_and_a_strange_tick_are_each_found(tmp_path, write_bag)
         assert faults == ['tick 7: handles is missing', 'tick 9: handles occurs 2 times']
     with BagReader(write_bag(tmp_path / 'b.mcap')) as bag:
         other = compare_with_model(bag, Scene(run=Run(412, 412.4)))
-        assert len(other.faults) == 3 * 5
+        assert len(other.faults) == 3 * 5 + 1       # the track, too, is that of another run
         assert 'belongs to no tick' in other.faults[0]
 
 
@@ -63,6 +64,7 @@ def write_faulty(path, faults):
     with BagWriter(path) as bag:
         for name in encode:
             bag.add_channel(f'/dragon/{name}', channels()[name])
+        introduce(bag, SHORT)
         for k, fault in enumerate(faults):
             frame = tick(SHORT, k)
             for name in () if fault == 'lost' else encode:
@@ -82,8 +84,16 @@ def test_ticks_that_are_compared_together_give_the_result_of_single_ones(tmp_pat
         together = compare_with_model(bag, SHORT)
         with patch.object(compare, '_TOGETHER_BYTES', 1):
             assert compare_with_model(bag, SHORT) == together
-    wanted = {'one lost': 1, 'doubled': 6, 'changed': 1, 'lost': 3, 'stray': 6}
-    assert together.fault_count == sum(wanted.get(fault, 0) for fault in faults) + 3 * (26 - len(faults))
+        with patch.object(compare, '_PART_BYTES', 1):
+            parts = compare_with_model(bag, SHORT)
+    assert (sorted(parts.faults), parts.notes, parts.fault_count, parts.missing_count, parts.equal) == (
+        sorted(together.faults), together.notes, together.fault_count, together.missing_count, together.equal)
+    last = max(k for k, fault in enumerate(faults) if fault not in ('lost', 'stray'))
+    wanted = {'one lost': 1, 'doubled': 6, 'changed': 1, 'slightly changed': 1, 'stray': 3}
+    missing = sum(fault in ('lost', 'stray') for fault in faults[:last])
+    assert together.fault_count == sum(wanted.get(fault, 0) for fault in faults) + 3 * missing
+    assert together.notes == ([] if last == 25 else [
+        f'the recording ends at tick {last} of 0 to 25 ({SHORT.run.time_ns(last) / 1e9:.9f} s)'])
 
 
 def test_ticks_are_compared_together_in_groups_of_a_mebibyte_and_at_most_one_tick_more(tmp_path, write_bag):
@@ -110,6 +120,7 @@ def write_frames(path, scene, frames):
     with BagWriter(path) as bag:
         for name in encode:
             bag.add_channel(f'/dragon/{name}', channels()[name])
+        introduce(bag, scene)
         for k, frame in enumerate(frames):
             for name in encode:
                 bag.write(f'/dragon/{name}', bytes(encode[name](frame)), frame.t_ns, k)
@@ -134,9 +145,14 @@ def test_a_run_that_ends_in_a_contact_has_the_ticks_before_it_and_its_frame(tmp_
             return compare_with_model(bag, scene, contact_s=contact_s)
     whole = checked('a.mcap', [*before, end])
     assert (whole.equal, whole.faults) == (topics * (len(before) + 1), [])
-    lacking = checked('b.mcap', before[1:]) if before else checked('b.mcap', [tick(scene, 1)])
-    assert lacking.missing_count == topics * (2 if before else 1)
-    assert f'tick {len(before)}: handles is missing' in lacking.faults
+    if before:
+        cut = checked('b.mcap', before[1:])
+        assert (cut.passed, cut.missing_count) == (True, 0)
+        assert [note.partition(' of')[0] for note in cut.notes] == [
+            'the recording begins at tick 1', f'the recording ends at tick {len(before) - 1}']
+        holed = checked('d.mcap', [*before[:-1], end])
+        assert holed.missing_count == topics
+        assert f'tick {len(before) - 1}: handles is missing' in holed.faults
     beyond = checked('c.mcap', [*before, end, tick(scene, len(before) + 1)])
     assert (beyond.equal, beyond.fault_count) == (whole.equal, topics)
     assert all('belongs to no tick' in fault for fault in beyond.faults)
@@ -153,22 +169,13 @@ def led_frames(count):
         yield led_tick(compile_scene(LED), law, k)
 
 
-def write_latched(bag, scene):
-    """Write the latched messages of a run, with the record that names its maker."""
-    text = scene_file(scene)
-    bag.describe('dragon_ros', run_metadata(text, scene, {}))
-    for name, data in {'scene': string_message(text), 'track': track_marker(scene, 'dragon')}.items():
-        bag.add_channel(f'/dragon/{name}', channels()[name])
-        bag.write(f'/dragon/{name}', data, scene.run.start_ns, 1)
-
-
 def write_led(path, count, keep=lambda name, k: True, change=lambda name, k, data: data, account=False):
     """Write a led run, optionally with omitted or changed messages, or marked as completely received."""
     encode = encoders(LED)
     with BagWriter(path) as bag:
         for name in encode:
             bag.add_channel(f'/dragon/{name}', channels()[name])
-        write_latched(bag, LED)
+        introduce(bag, LED)
         if account:
             bag.describe(RECEIVED, {'complete': 'true'})
         for k, frame in enumerate(led_frames(count)):
@@ -206,10 +213,12 @@ def test_the_last_ticks_of_a_led_run_may_lack_topics_only_where_a_recorder_was_k
         19 if name == 'leader' else 17), account=account))
     topics = len(encoders(LED))
     assert found.passed == passed
-    assert found.equal == 17 * topics + (0 if passed else 2 * 2)
+    assert found.equal == 17 * topics + 2 * 2
     assert (found.unchecked != {}) == passed
     if passed:
-        assert {name: count for name, (count, _) in found.unchecked.items()} == {'handles': 3, 'leader': 2}
+        assert found.unchecked == {'handles': (1, 'the speed of tick 19 is not known')}
+        assert [note.partition(',')[0] for note in found.notes] == [
+            'tick 17 lacks benches', 'tick 18 lacks benches']
     else:
         assert found.missing_count == 2 * (topics - 2)
         assert found.faults[-1] == ('tick 19: handles cannot be compared, because the speed of tick 19 does not occur '
@@ -231,19 +240,42 @@ def test_in_the_last_ticks_of_a_killed_recorder_nothing_follows_what_is_missing(
     kept = {'velocities': (0, 1, 18), 'benches': range(18)}
     found = compared(write_led(tmp_path / 'a.mcap', 20, lambda name, k: k in kept.get(name, range(20))))
     assert not found.passed
-    assert found.faults == ['tick 18: velocities follows a tick without it']
+    assert found.faults == ['ticks 2 to 17: velocities is missing']
 
 
-def test_a_led_run_without_any_whole_tick_is_not_passed(tmp_path):
+@pytest.mark.parametrize('ticks', [20, 128])
+def test_a_killed_recorder_does_not_excuse_the_speeds_of_many_ticks(tmp_path, ticks):
+    found = compared(write_led(tmp_path / 'a.mcap', ticks, lambda name, k: name != 'leader' or k < 2, five_metres_off))
+    assert not found.passed
+    assert 'cannot be compared, because the speed of tick 2' in found.faults[-1]
+
+
+def test_a_led_run_that_lacks_a_topic_is_not_passed(tmp_path):
     found = compared(write_led(tmp_path / 'a.mcap', 3, lambda name, k: name != 'velocities'))
-    assert (found.equal, found.fault_count, found.passed) == (0, 0, False)
+    assert (found.faults, found.passed) == (['ticks 0 to 2: velocities is missing'], False)
+
+
+def test_another_recorder_may_lack_topics_which_is_noted(tmp_path):
+    encode = encoders(SHORT)
+    with BagWriter(tmp_path / 'a.mcap') as bag:
+        for name in ('handles', 'velocities', 'scene'):
+            bag.add_channel(f'/dragon/{name}', channels()[name])
+        bag.write('/dragon/scene', string_message(scene_file(SHORT)), SHORT.run.start_ns, 1)
+        for k in range(3, 20):
+            for name in ('handles', 'velocities'):
+                bag.write(f'/dragon/{name}', encode[name](tick(SHORT, k)), SHORT.run.time_ns(k), k + 1)
+    found = compared(tmp_path / 'a.mcap', SHORT)
+    assert (found.equal, found.once, found.faults, found.passed) == (2 * 17, 1, [], True)
+    assert found.notes == ['the recording lacks benches, track',
+                           'the recording begins at tick 3 of 0 to 25 (412.060000000 s)',
+                           'the recording ends at tick 19 of 0 to 25 (412.380000000 s)']
 
 
 def test_topics_of_each_tick_that_the_scene_does_not_declare_are_faults(tmp_path):
     scene, bare = Scene(run=Run(412, 412.1)), Scene(run=Run(412, 412.1), effects=Effect(0))
     path = write_frames(tmp_path / 'a.mcap', scene, [tick(scene, k) for k in range(6)])
     found = compared(path, bare)
-    assert (found.equal, found.fault_count, found.passed) == (6, 12, False)
+    assert (found.equal, found.passed) == (6, False)
     assert found.faults == ['benches: 6 messages on a topic that the scene does not declare',
                             'velocities: 6 messages on a topic that the scene does not declare']
 
@@ -356,7 +388,7 @@ def test_a_latched_message_that_is_missing_doubled_altered_or_lengthened_is_a_fa
     found = compared(tmp_path / 'a.mcap', scene)
     if not describes and (change == 'gone' or (name, change) == ('scene', 'changed')):
         # Nothing else in the bag names its scene.
-        assert (found.passed, found.lacks) == (True, [name] if change == 'gone' else [])
+        assert (found.passed, found.notes) == (True, [f'the recording lacks {name}'] if change == 'gone' else [])
         return
     assert (found.equal, found.fault_count) == (9, 1), found.faults
     assert name in found.faults[0]
@@ -383,7 +415,7 @@ def test_bits_may_differ_only_in_a_bag_that_names_another_kernel_or_none(tmp_pat
         scene, encode = Scene(run=Run(412, 412)), encoders(Scene())
         with BagWriter(tmp_path / 'a.mcap', overwrite=True) as bag:
             if describe:
-                write_latched(bag, scene)
+                introduce(bag, scene)
             for name in encode:
                 bag.add_channel(f'/dragon/{name}', channels()[name])
                 data = bytearray(encode[name](tick(scene, 0)))

@@ -5,6 +5,7 @@ from functools import cache
 
 import pytest
 from properties import thinned
+from recorded import introduce
 
 from dragon_ros.__main__ import main
 from dragon_ros.bags.write.writer import BagWriter
@@ -18,7 +19,7 @@ from dragon_ros.core.step import contact_frame, tick, ticks_before
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.certificate import claim_of
-from dragon_ros.scenes.provenance import CLAIM, RECORD, run_metadata, scene_file
+from dragon_ros.scenes.provenance import CLAIM
 
 pytest.importorskip('flint', reason='the checker needs python-flint')
 
@@ -47,7 +48,7 @@ def bag_of(path, scene, claim):
     about = {'on_contact': 'stop'} | ({} if claim is None else {CLAIM: claim})
     encode = encoders(scene)
     with BagWriter(path) as bag:
-        bag.describe(RECORD, run_metadata(scene_file(scene, about), scene, {}))
+        introduce(bag, scene, about)
         for name in encode:
             bag.add_channel(f'/dragon/{name}', channels()[name])
         for k, frame in enumerate(frames):

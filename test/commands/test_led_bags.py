@@ -78,7 +78,8 @@ def test_a_missing_speed_ends_the_examination_with_a_word_and_exit_code_3(capsys
     found = json.loads(out)
     assert (code, found['certified'], found['examined_s'], found['recorded_s']) == (
         3, False, (lost - 1) / 10, (touching + 4) / 10)
-    assert f'first contact: unknown; {examined}' in run(capsys, 'inspect', bag)[1]
+    code, out, _ = run(capsys, 'inspect', bag)
+    assert (code, f'first contact: unknown; {examined}' in out) == (3, True)
     assert run(capsys, 'inspect', bag, '--check')[0] == 1
 
 
@@ -97,7 +98,8 @@ def test_two_runs_in_one_bag_are_never_mixed(capsys, tmp_path):
                   ['export', bag, '--output', tmp_path / 'a.csv']):
         code, _, err = run(capsys, *words)
         assert (code, says in err, len(err.splitlines())) == (2, True, 1), words
-    assert says in run(capsys, 'inspect', bag)[1]
+    code, out, _ = run(capsys, 'inspect', bag)
+    assert (code, says in out) == (3, True)
     assert run(capsys, 'inspect', bag, '--check')[0] != 0
     with dr.read_bag(bag) as recorded, pytest.raises(dr.InputError, match='several runs'):
         recorded.arrays()

@@ -334,8 +334,8 @@ def test_faults_of_two_parts_are_those_of_the_whole(ticks, cut):
                 out.equal += 1
         return out
     whole, parts = compared(0, ticks), Comparison()
-    parts.add(compared(0, ticks[:cut]))
-    parts.add(compared(cut, ticks[cut:]))
+    parts.add(compared(0, ticks[:cut]), 'ab')
+    parts.add(compared(cut, ticks[cut:]), 'ab')
     assert parts.faults == whole.faults
     assert (parts.fault_count, parts.missing_count, parts.equal, parts.seen) == (
         whole.fault_count, whole.missing_count, whole.equal, whole.seen)

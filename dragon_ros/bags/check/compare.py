@@ -1,25 +1,25 @@
-"""Compare a bag with the model tick by tick: bit for bit or, if bits differ, to within its tier's promise.
+"""Compare a bag with the model tick by tick: bit for bit or, if bits may differ, to within its tier's promise.
 
-The last bits may differ between machines and between versions of this software. Handles, benches and velocities must
-then agree to within twice the tier's promise, because each side may be wrong by up to one promise. If the bag was made
-by a different version or with different BLAS or numpy kernels, the same tolerance applies to all topics derived from
-handles, benches and velocities.
+The last bits differ between versions of this software and between kernels of BLAS and numpy. If a bag names another
+version or other kernels, its numbers must agree to within twice the tier's promise, because each side may be wrong by
+up to one promise.
 
-Every message in the bag is either compared or listed as unchecked, with the reason.
+Every message in the bag is either compared or listed as unchecked, with the reason. A message that is missing between
+the first and the last recorded tick is a fault; a recording that begins late, ends early or lacks topics is noted.
 """
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from heapq import merge
-from itertools import count, groupby
+from itertools import chain, count, groupby
 from math import ceil, inf
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from dragon_ros.bags.read.frames import law_on, log_times_are_ticks
+from dragon_ros.bags.read.frames import about_of, law_on, log_times_are_ticks
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.record.loss_accounting import RECEIVED
 from dragon_ros.core.batches import ticks
@@ -47,18 +47,19 @@ from dragon_ros.messages.decode import (
 from dragon_ros.messages.encode import encoders
 from dragon_ros.messages.fixed_size import Encode, Together, each
 from dragon_ros.messages.length import LengthCheck
-from dragon_ros.messages.once import ENCODE, once
-from dragon_ros.scenes.provenance import RECORD, other_kernel
+from dragon_ros.messages.once import DESCRIPTION, ENCODE, once
+from dragon_ros.scenes.provenance import ATTACHMENT, RECORD, other_kernel
 from dragon_ros.version import __version__
 
 _HUGE = 1e100
-_MOST_LAST = 128        # final ticks of a led run in which topics may be missing because the recorder was killed
+_MOST_LAST = 8          # final ticks of a led run in which topics may be missing because the recorder was killed
 _PART_BYTES = 2**23     # size of a part of a run: about eight message chunks, which take a tenth of a second
 _TOGETHER_BYTES = 2**20   # size of the messages that are recomputed together; a group of 2**18 takes a tenth longer
 _Messages = dict[str, list[bytes]]       # by topic name
 _Instant = tuple[int, _Messages]
 _Span = tuple[int, int]
 _SHOWN = 'model/markers'        # drawings may differ between versions; model/contacts has the contacts themselves
+_VARYING = (_SHOWN, 'model/diagnostics')        # topics whose messages may have another length in another version
 _SOLVED = ('solver', 'evaluations', 'worst_link', 'off_m')      # solver diagnostics, which may differ between versions
 _POINT_FIELDS = {6: '<u4', 7: '<f4', 8: '<f8'}       # datatypes in point clouds: handle number, coordinate, speed
 MOST_FAULTS = 1000      # limit on the stored fault lines; all faults are counted
@@ -91,9 +92,10 @@ class Comparison:
     ``missing_count`` counts only missing messages. ``other_version`` is the version that made the bag, if it differs
     from this one; ``other_kernel`` names the bag's numpy and kernels, if they differ from this machine's. In both
     cases, messages on any topic may be close instead of identical. ``names_maker`` tells whether the bag names its
-    maker at all. ``once`` counts the once-per-run messages that match the scene; ``lacks`` names those topics if the
-    recorder of another maker left them out. ``unchecked`` maps a topic to the number of messages that were not compared
-    and the reason; ``seen`` counts the compared messages on each per-tick topic.
+    maker at all. ``once`` counts the once-per-run messages that match the scene. ``unchecked`` maps a topic to the
+    number of messages that were not compared and the reason; ``seen`` counts the compared messages on each per-tick
+    topic. ``first`` and ``last`` are the first and the last recorded tick, and ``notes`` states what the recording does
+    not contain.
     """
 
     other_version: str | None = None
@@ -105,9 +107,11 @@ class Comparison:
     fault_count: int = 0
     missing_count: int = 0
     once: int = 0
-    lacks: list[str] = field(default_factory=list)
     unchecked: dict[str, tuple[int, str]] = field(default_factory=dict)
     seen: Counter[str] = field(default_factory=Counter)
+    first: int | None = None
+    last: int = -1
+    notes: list[str] = field(default_factory=list)
     _lines: list['_Fault | str'] = field(default_factory=list)
     _last: dict[str, tuple[int, '_Fault']] = field(default_factory=dict)
 
@@ -125,6 +129,15 @@ class Comparison:
         self.missing_count += last - first + 1
         self._note(_Fault(name, 'is missing', first, last), last - first + 1)
 
+    def reach(self, k: int, names: Iterable[str]) -> None:
+        """Note that tick ``k`` was recorded; the ticks since the last recorded one are missing on these topics."""
+        if self.first is None:
+            self.first = k
+        elif k > self.last + 1:
+            for name in names:
+                self.missing(name, self.last + 1, k - 1)
+        self.last = k
+
     def _note(self, fault: '_Fault', messages: int) -> None:
         self.fault_count += messages
         line, before = self._last.get(fault.name, (MOST_FAULTS, None))
@@ -138,8 +151,11 @@ class Comparison:
             self._lines[line] = fault
         self._last[fault.name] = line, fault
 
-    def add(self, part: 'Comparison') -> None:
+    def add(self, part: 'Comparison', names: Iterable[str]) -> None:
         """Add the result for the following ticks, as if this object had compared them."""
+        if part.first is not None:
+            self.reach(part.first, names)
+            self.last = part.last
         self.equal += part.equal
         self.close += part.close
         self.worst_m = max(self.worst_m, part.worst_m)
@@ -175,7 +191,7 @@ class Comparison:
 
     @property
     def passed(self) -> bool:
-        """Whether every message that the run must contain was compared and agrees with the model."""
+        """Whether all recorded ticks were compared and agree with the model, and no message among them is missing."""
         return not self.fault_count and self.equal + self.close > 0
 
 
@@ -188,46 +204,79 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
                        progress: Callable[[int], object] = lambda k: None, frame_id: str = 'dragon',
                        contact_s: float | None = None,
                        compared: Callable[['_PartOfRun', Sequence[_Span]], Iterable[Comparison]] = _here) -> Comparison:
-    """Recompute every tick of the scene's run and compare each topic's message with the one in the bag.
+    """Recompute every recorded tick and compare each topic's message with the one in the bag.
 
     A run that ends in a contact consists of the ticks before ``contact_s`` and a final frame at exactly that time.
     ``compared(run, parts)`` applies the function ``run`` to each part of the run, in this or another process, and
     returns the results in order. A led run, or a bag with wall-clock log times, is a single part.
     """
-    made = bag.metadata(RECORD)
-    made_by = made.get('about.dragon_ros')
-    made_with = (None if made_by in (None, __version__) else made_by), other_kernel(made), made_by is not None
-    result = Comparison(*made_with)
-    encode, why_last = encoders(scene, frame_id), ''
+    made = {f'about.{key}': str(value) for key, value in about_of(bag, namespace).items()} | bag.metadata(RECORD)
+    version = made.get('about.dragon_ros')
+    made_by = (None if version in (None, __version__) else version), other_kernel(made), version is not None
+    result = Comparison(*made_by)
+    encode, left = encoders(scene, frame_id), ''
+    if not bag.metadata(RECORD):        # our recorders take all topics, but others may have been given a few
+        encode = {name: one for name, one in encode.items() if _has(bag, f'{namespace}/{name}')}
+        lacking = [name for name in (*encoders(scene, frame_id), *_once_topics(scene, frame_id))
+                   if not _has(bag, f'{namespace}/{name}')]
+        result.notes += [f'the recording lacks {", ".join(lacking)}'] if lacking else []
     if scene.is_led:
-        most = 0 if bag.metadata(RECEIVED) else _MOST_LAST      # a killed recorder writes no record RECEIVED
-        why_last = _compare_led(result, scene, encode, _instants(bag, namespace, encode), most, progress)
+        # A killed recorder writes no record RECEIVED.
+        may_lack = {name for name in encode if not bag.metadata(RECEIVED) and _has(bag, f'{namespace}/{name}')}
+        left = _compare_led(result, scene, encode, _instants(bag, namespace, encode), may_lack, progress)
     else:
-        run = _PartOfRun(bag, scene, namespace, frame_id, contact_s, made_with)
+        run = _PartOfRun(bag, scene, namespace, frame_id, contact_s, list(encode), made_by)
         spans = run.spans()
         for (_, end), part in zip(spans, compared(run, spans), strict=True):
-            result.add(part)
+            result.add(part, encode)
             progress(end - 1)
-    _account(result, bag, scene, namespace, frame_id, dict.fromkeys(encode, why_last))
+        _note_span(result, scene, run.ticks)
+    _account(result, bag, scene, namespace, frame_id, dict.fromkeys(encode, left))
     return result
+
+
+def _has(bag: BagReader, topic: str) -> bool:
+    return any(row.messages for row in bag.topics if row.name == topic)
+
+
+def _once_topics(scene: Scene, frame_id: str) -> list[str]:
+    """Return the topics on which a run of the scene has exactly one message."""
+    return ['scene', *once(scene, frame_id)]
+
+
+def _note_span(result: Comparison, scene: Scene, ticks: int) -> None:
+    """Note the ticks of the run before and after the recording."""
+    if result.first is None:
+        return
+    for k, words in ((result.first, 'begins'), (result.last, 'ends')):
+        if k != (0 if words == 'begins' else ticks - 1):
+            result.notes.append(f'the recording {words} at tick {k} of 0 to {ticks - 1} '
+                                f'({scene.run.time_ns(k) / NS:.9f} s)')
 
 
 class _PartOfRun:
     """Compares parts of a run that is fully determined by its scene; a pickled copy reopens the bag."""
 
     def __init__(self, bag: BagReader, *settings: Any) -> None:
-        """``settings`` holds the scene, namespace, frame ID and contact time, and the bag's version and kernel."""
+        """``settings`` holds the scene, namespace, frame ID, contact time, topics, and the bag's version and kernel."""
         self._bag, self._settings = bag, settings
-        self._scene, self._namespace, frame_id, contact_s, self._made_by = settings
-        self._encode = encoders(self._scene, frame_id)
+        self._scene, self._namespace, frame_id, contact_s, names, self._made_by = settings
+        every = encoders(self._scene, frame_id)
+        self._encode = {name: every[name] for name in names}
         self._ticks, self._last = compile_scene(self._scene).last_tick + 1, None
         if contact_s is not None:
             self._ticks = min(self._ticks, ticks_before(self._scene, contact_s))
             self._last = contact_frame(self._scene, contact_s)
 
+    @property
+    def ticks(self) -> int:
+        """The number of frames in the run, including a frame at its end in a contact."""
+        return self._ticks + (self._last is not None)
+
     @cached_property
     def _tick_bytes(self) -> int:
-        return sum(len(encode(tick(self._scene, 0))) for encode in self._encode.values())
+        frame = tick(self._scene, 0)
+        return sum(len(encode(frame)) for encode in self._encode.values())
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the bag's path instead of the open bag."""
@@ -235,7 +284,7 @@ class _PartOfRun:
 
     def spans(self) -> list[_Span]:
         """Return the parts as (first tick, tick after the last); they outnumber the messages by at most one."""
-        if not _has_tick_times(self._bag, self._namespace):
+        if not log_times_are_ticks(self._bag, self._namespace):
             return [(0, self._ticks)]
         messages = sum(topic.messages for topic in self._bag.topics)
         size = max(1, _PART_BYTES // self._tick_bytes, ceil(self._ticks / (messages + 1)))
@@ -243,30 +292,27 @@ class _PartOfRun:
 
     def __call__(self, span: _Span) -> Comparison:
         """Compare the ticks of a part and the messages between them; the last part includes all later messages."""
-        result, encode, scene, (k, stop) = Comparison(*self._made_by), self._encode, self._scene, span
+        result, encode, scene, (first, stop) = Comparison(*self._made_by), self._encode, self._scene, span
         is_last = stop == self._ticks
         last = self._last if is_last else None
-        start_ns, end_ns = (scene.run.time_ns(k) if k else None), (None if is_last else scene.run.time_ns(stop))
+        start_ns, end_ns = (scene.run.time_ns(first) if first else None), (None if is_last else
+                                                                           scene.run.time_ns(stop))
         waiting = _Waiting(result, scene, encode, self._tick_bytes)
         for t_ns, recorded in _instants(self._bag, self._namespace, encode, start_ns, end_ns):
-            here, is_contact = scene.run.tick_at(t_ns), last is not None and t_ns == last.t_ns
-            is_tick = not is_contact and 0 <= here < stop and scene.run.time_ns(here) == t_ns
-            if not is_tick or here != k:
+            k, is_contact = scene.run.tick_at(t_ns), last is not None and t_ns == last.t_ns
+            is_tick = not is_contact and 0 <= k < stop and scene.run.time_ns(k) == t_ns
+            if not is_tick or k != result.last + 1:
                 waiting.compare()
             if last is not None and is_contact:
-                k = _missing(result, encode, k, stop)
-                _compare_ticks(result, scene, encode, [(k, last, recorded)])
-                k += 1
+                result.reach(stop, encode)
+                _compare_ticks(result, scene, encode, [(stop, last, recorded)])
             elif is_tick:
-                _missing(result, encode, k, here)
-                waiting.add(here, recorded)
-                k = here + 1
+                result.reach(k, encode)
+                waiting.add(k, recorded)
             else:
-                k = _missing(result, encode, k, min(here + 1, stop))
                 for name, found in recorded.items():
                     result.stray(name, t_ns, len(found))
         waiting.compare()
-        _missing(result, encode, k, stop + (last is not None))
         return result
 
 
@@ -299,42 +345,44 @@ def _reopened(path: Path, *settings: Any) -> _PartOfRun:
 
 
 def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode], instants: Iterable[_Instant],
-                 most: int, progress: Callable[[int], object]) -> str:
+                 may_lack: set[str], progress: Callable[[int], object]) -> str:
     """Compare the ticks of a led dragon, recomputed from speeds on its topic ``leader``; return why some are left.
 
-    A led run may end at any tick. In up to ``most`` final ticks, messages may be missing because a killed recorder had
-    not received them yet: a topic that lacks one tick of them lacks all later ones, and messages that exist must not
-    differ. After a missing speed, no tick can be recomputed.
+    A led run may end at any tick. In the last ticks of a killed recorder, the topics ``may_lack`` may be missing if
+    none of their messages follows, and the last tick may lack its speed. After any other tick without a speed, no tick
+    can be recomputed.
     """
-    law, waiting, left = None, list[tuple[int, Frame, _Messages]](), iter(instants)
-    why = 'the last ticks are incomplete, probably because the recorder was killed'
-    for k, (t_ns, recorded) in enumerate(left):
+    law, waiting, left, why = None, list[tuple[int, Frame, _Messages]](), iter(instants), ''
+    for t_ns, recorded in left:
+        k, here = result.last + 1, scene.run.tick_at(t_ns)
+        if here < 0 or scene.run.time_ns(here) != t_ns:
+            for name, found in recorded.items():
+                result.stray(name, t_ns, len(found))
+            continue
         speed_m_s = _walked_m_s(recorded.get('leader', []), t_ns)
-        if t_ns != scene.run.time_ns(k) or speed_m_s is None:
-            tail = [(k, recorded), *((n, more) for n, (_, more) in enumerate(left, k + 1))]
-            if len(waiting) + len(tail) > most or any('leader' in more for _, more in tail):
-                for n, more in tail:
-                    for name, found in more.items():
-                        result.note(name, n, f'cannot be compared, because the speed of tick {k} does not occur '
-                                    'exactly once', len(found))
-                        result.seen[name] += len(found)
+        if here != k or speed_m_s is None:
+            after = next(left, None)
+            if here == k and after is None and may_lack and 'leader' not in recorded:
+                why = f'the speed of tick {k} is not known'
+                break
+            for t_ns, more in chain([(t_ns, recorded)], [after] if after else [], left):    # noqa: B020 - the rest
+                for name, found in more.items():
+                    result.seen[name] += len(found)
+                    result.note(name, scene.run.tick_at(t_ns), 'cannot be compared, because the speed of tick '
+                                f'{k} does not occur exactly once', len(found))
             break
         law = law_on(scene, law, t_ns, speed_m_s)
+        result.reach(k, encode)
         waiting.append((k, led_tick(compile_scene(scene), law, k), recorded))
-        if set(recorded) >= set(encode) or len(waiting) > most:
-            for one in waiting:         # one by one, because the messages of all could be large
-                _compare_ticks(result, scene, encode, [one])
-            waiting.clear()
+        whole = not may_lack or set(recorded) >= set(encode)
+        while waiting and (whole or len(waiting) > _MOST_LAST):
+            _compare_ticks(result, scene, encode, [waiting.pop(0)])
         progress(k)
-    ended = set[str]()
-    for k, frame, recorded in waiting:
-        trial = Comparison(result.other_version, result.other_kernel, result.names_maker)
-        _compare_ticks(trial, scene, {name: encode[name] for name in recorded}, [(k, frame, recorded)])
-        for line in trial.faults:
-            result.fault(line, 1)
-        for name in ended & set(recorded):
-            result.note(name, k, 'follows a tick without it')
-        ended |= set(encode) - set(recorded)
+    for n, one in enumerate(waiting):
+        later = set[str]().union(*(recorded for _, _, recorded in waiting[n:]))
+        if lacking := [name for name in encode if name in may_lack - later]:
+            result.notes.append(f'tick {one[0]} lacks {", ".join(lacking)}, probably because the recorder was killed')
+        _compare_ticks(result, scene, {name: encode[name] for name in encode if name not in lacking}, [one])
     return why
 
 
@@ -344,70 +392,76 @@ def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, f
 
     ``per_tick`` contains the topics that are compared at each tick, with the reason why ticks are left.
     """
-    latched = dict[str, str]()
     for topic in bag.topics:
         name = topic.name.removeprefix(f'{namespace}/')
         left, row = topic.messages - result.seen[name], channels().get(name)
         if name in per_tick:
             why = per_tick[name]
-            if left and not why:
-                result.fault(f'{name}: {counted(left, "message")} at no time of the bag', left)
-                continue
-        elif name in ENCODE and result.other_version is not None:
-            why = 'another version draws it differently'
+        elif name == topic.name:
+            why = 'belongs to another dragon or to none' if row is None else 'published by all nodes at any time'
         elif name == 'scene' or name in ENCODE:
-            latched[topic.name] = name
             continue
         elif row is not None and row.each_tick:
             if left:
                 result.fault(f'{name}: {counted(left, "message")} on a topic that the scene does not declare', left)
             continue
-        elif name == topic.name:
-            why = 'belongs to another dragon or to none' if row is None else 'published by all nodes at any time'
         else:
             why = 'unknown to this version' if row is None else f'published by {row.publisher} at its own rate'
         if left:
             result.unchecked[name] = left, why
-    _compare_once(result, bag, scene, namespace, latched, frame_id)
+    _compare_once(result, bag, scene, namespace, frame_id)
 
 
-def _compare_once(result: Comparison, bag: BagReader, scene: Scene, namespace: str, topics: Mapping[str, str],
-                  frame_id: str) -> None:
-    """Compare once-per-run messages in one pass over the bag; ``topics`` maps full names to short names.
+def _compare_once(result: Comparison, bag: BagReader, scene: Scene, namespace: str, frame_id: str) -> None:
+    """Compare the once-per-run messages; the bag must contain each message that the scene declares exactly once.
 
-    These messages may be the bag's only copy of the scene.
+    The message on the topic ``scene`` may be the bag's only copy of the scene.
     """
-    text = bag.metadata(RECORD).get('scene')
-    wanted = {topic: ENCODE[name](scene, frame_id) if name in ENCODE else None if text is None else string_message(text)
-              for topic, name in topics.items()}
-    counts = Counter[str]()
-    for message in bag.messages(list(topics)) if topics else ():
-        name, data = topics[message.topic], wanted[message.topic]
-        counts[name] += 1
-        if counts[name] > 1:
-            result.fault(f'{name} at {message.t_ns} ns occurs again', 1)
-        elif message.data == data or _nearly(scene, channels()[name].type, data, message.data):
+    text, attached = bag.metadata(RECORD).get('scene'), bag.attachment(ATTACHMENT)
+    if text is not None and attached not in (None, text.encode()):
+        result.fault(f'the attachment {ATTACHMENT} is not the scene in the metadata', 1)
+    declared = _once_topics(scene, frame_id)
+    topics = {f'{namespace}/{name}': name for name in (*ENCODE, 'scene')}
+    found, ticked = Counter[str](), log_times_are_ticks(bag, namespace)
+    recorded = [topic.name for topic in bag.topics if topic.messages and topic.name in topics]
+    for message in bag.messages(recorded) if recorded else ():
+        name = topics[message.topic]
+        found[name] += 1
+        wanted = ENCODE[name](scene, frame_id) if name in ENCODE else None if text is None else string_message(text)
+        if found[name] > 1:
+            result.fault(f'{name} at {message.t_ns} ns is a repetition', 1)
+        elif name in ENCODE and name != DESCRIPTION and name not in declared:
+            result.fault(f'{name} at {message.t_ns} ns is on a topic that the scene does not declare', 1)
+        elif ticked and not _is_in_run(result, scene, message.t_ns):
+            result.fault(f'{name} at {message.t_ns} ns is outside the recorded run', 1)
+        elif _matches(result, scene, name, wanted, message.data):
             result.once += 1
+        elif name in ENCODE and result.other_version and LengthCheck(channels()[name].type).fault(message.data) is None:
+            result.unchecked[name] = 1, 'another version draws it differently'
         else:
             result.fault(f'{name} at {message.t_ns} ns does not match the scene', 1)
-    for name in ('scene', *once(scene, frame_id)):
-        if not counts[name]:
-            if f'{namespace}/{name}' in topics or (result.names_maker and result.other_version is None):
-                result.missing_count += 1
-                result.fault(f'{name} is missing', 1)
-            else:
-                result.lacks.append(name)
+    for name in declared if bag.metadata(RECORD) else ():
+        if not found[name]:
+            result.missing_count += 1
+            result.fault(f'{name} is missing', 1)
 
 
-def _nearly(scene: Scene, kind: str, wanted: bytes | None, found: bytes) -> bool:
-    """Return whether two messages differ only in numbers, and by at most twice the tier's promise.
+def _is_in_run(result: Comparison, scene: Scene, t_ns: int) -> bool:
+    """Return whether a time is between the start of the run and the last recorded tick."""
+    return result.first is None or scene.run.start_ns <= t_ns <= scene.run.time_ns(result.last)
 
-    If ``wanted`` is None, any message of this type will do.
-    """
-    if LengthCheck(kind).fault(found):
-        return False
+
+def _matches(result: Comparison, scene: Scene, name: str, wanted: bytes | None, found: bytes) -> bool:
+    """Return whether a once-per-run message is the wanted one or, if none is known, a single message of its type."""
+    kind = channels()[name].type
     if wanted is None:
-        return True
+        return LengthCheck(kind).fault(found) is None
+    return found == wanted or (result.may_all_be_close and len(found) == len(wanted)
+                               and _nearly(scene, kind, wanted, found))
+
+
+def _nearly(scene: Scene, kind: str, wanted: bytes, found: bytes) -> bool:
+    """Return whether two messages differ only in numbers, and by at most twice the tier's promise."""
     promise_m = compile_scene(scene).promise_m
     try:
         expected, got = (list(_leaves(decode(kind, data))) for data in (wanted, found))
@@ -420,8 +474,8 @@ def _nearly(scene: Scene, kind: str, wanted: bytes | None, found: bytes) -> bool
 
 
 def _walked_m_s(found: list[bytes], t_ns: int) -> float | None:
-    """Return the recorded speed if there is exactly one message and its stamp is the tick's, otherwise None."""
-    if len(found) != 1:
+    """Return the recorded speed if all messages are equal and have the tick's stamp, otherwise None."""
+    if not found or any(one != found[0] for one in found):
         return None
     stamp_ns, speed_m_s = read_odometry(found[0])
     return speed_m_s if stamp_ns == t_ns else None
@@ -443,7 +497,7 @@ def _instants(bag: BagReader, namespace: str, names: Iterable[str], start_ns: in
 
     ``start_ns`` and ``end_ns`` (exclusive) limit the messages; give them only if the bag's log times are tick times.
     """
-    if _has_tick_times(bag, namespace):
+    if log_times_are_ticks(bag, namespace):
         rows: Iterable[tuple[int, str, bytes]] = (
             (message.t_ns, message.topic.removeprefix(f'{namespace}/'), message.data)
             for message in bag.messages([f'{namespace}/{name}' for name in names], start_ns, end_ns))
@@ -457,14 +511,8 @@ def _instants(bag: BagReader, namespace: str, names: Iterable[str], start_ns: in
         recorded: dict[str, list[bytes]] = {}
         for _, name, data in group:
             found = recorded.setdefault(name, [])
-            found.append(data if not found else b'')        # for several messages, only their number matters
+            found.append(data if not found or data == found[0] else b'')     # of others, only the number matters
         yield t_ns, recorded
-
-
-def _has_tick_times(bag: BagReader, namespace: str) -> bool:
-    """Return whether the log time of any handles is their stamp; in bags of other recorders, it never is."""
-    return log_times_are_ticks(bag, namespace) or any(
-        read_stamp_ns(message.data) == message.t_ns for message in bag.messages([f'{namespace}/handles']))
 
 
 def _stamped(bag: BagReader, namespace: str, name: str, stamps: Ints) -> Iterator[tuple[int, str, bytes]]:
@@ -479,15 +527,6 @@ def _stamped(bag: BagReader, namespace: str, name: str, stamps: Ints) -> Iterato
         yield int(stamps[min(n, len(stamps) - 1)]) if t_ns is None else t_ns, name, message.data
 
 
-def _missing(result: Comparison, names: Iterable[str], k: int, stop: int) -> int:
-    """Count the ticks from ``k`` up to but not including ``stop`` as missing; return the next tick to compare."""
-    if stop <= k:
-        return k
-    for name in names:
-        result.missing(name, k, stop - 1)
-    return stop
-
-
 def _compare(result: Comparison, name: str, k: int, frame: Frame, wanted: bytes, found: list[bytes],
              scene: Scene) -> None:
     """Compare one topic's messages at one tick, and count the result."""
@@ -498,7 +537,8 @@ def _compare(result: Comparison, name: str, k: int, frame: Frame, wanted: bytes,
         result.missing(name, k, k)
     elif len(found) > 1:
         result.note(name, k, f'occurs {len(found)} times', len(found))
-    elif (off_m := _off_m(name, wanted, found[0], frame, scene, result)) <= _allowed_m(frame, scene):
+    elif result.may_be_close and (
+            off_m := _off_m(name, wanted, found[0], frame, scene, result)) <= _allowed_m(frame, scene):
         result.close += 1
         result.worst_m = max(result.worst_m, off_m)
     else:
@@ -517,8 +557,6 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, r
 
     Quaternions are scaled by the shortest link, and speeds by their promise (``speed_promise_m_s``).
     """
-    if not result.may_be_close:
-        return inf
     if name not in _VIEWS:
         return _off_of_others_m(name, wanted, found, frame, scene, result) if result.may_all_be_close else inf
     ours, theirs = bytearray(wanted), bytearray(found)
@@ -574,7 +612,7 @@ def _off_of_others_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene
     position error / link length.
     """
     kind = channels()[name].type
-    if LengthCheck(kind).fault(found):
+    if len(found) != len(wanted) and name not in _VARYING:
         return inf
     try:
         messages = decode(kind, wanted), decode(kind, found)

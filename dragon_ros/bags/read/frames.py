@@ -103,7 +103,7 @@ def scene_of_bag(bag: BagReader, namespace: str | None = None, trust: bool = Fal
 
 def frame_of_bag(bag: BagReader, namespace: str | None = None) -> str:
     """Return the coordinate frame that a bag's scene names, or the default frame if it has no scene."""
-    return str(_about(bag, namespace).get('frame_id', FRAME_ID))
+    return str(about_of(bag, namespace).get('frame_id', FRAME_ID))
 
 
 class RecordedObstacles:
@@ -152,15 +152,15 @@ def _marker_stamp_ns(message: Message) -> int:
 
 def ends_in_contact(bag: BagReader, namespace: str | None = None) -> bool:
     """Return whether the scene in a bag ends the run at its first contact."""
-    return _about(bag, namespace).get('on_contact') in ('hold', 'stop')
+    return about_of(bag, namespace).get('on_contact') in ('hold', 'stop')
 
 
 def claimed_contact(bag: BagReader, namespace: str | None = None) -> Any:
     """Return the unverified claim about the first contact from a bag's scene, or None if there is no claim."""
-    return _about(bag, namespace).get(CLAIM)
+    return about_of(bag, namespace).get(CLAIM)
 
 
-def _about(bag: BagReader, namespace: str | None) -> dict[str, Any]:
+def about_of(bag: BagReader, namespace: str | None) -> dict[str, Any]:
     """Return the ``about`` section of the scene file in a bag, or {} if the file is too long to read."""
     text = _scene_text(bag, namespace)
     if text is None or len(text) > SCENE_CHARACTERS:
@@ -284,9 +284,13 @@ def check_single_run(bag: BagReader, namespace: str) -> None:
 
 
 def log_times_are_ticks(bag: BagReader, namespace: str) -> bool:
-    """Return whether log times are simulation times, as in this package's bags, rather than wall times."""
-    first = next(bag.messages([f'{namespace}/handles']), None)
-    return first is None or read_stamp_ns(first.data) == first.t_ns
+    """Return whether log times are simulation times, as in this package's bags, rather than wall times.
+
+    One message whose log time is its stamp suffices, because a wall time never is.
+    """
+    stamped = [f'{namespace}/handles']
+    return all(not topic.messages for topic in bag.topics if topic.name in stamped) or any(
+        read_stamp_ns(message.data) == message.t_ns for message in bag.messages(stamped))
 
 
 def frames(bag: BagReader, namespace: str | None = None, start_ns: int | None = None,
