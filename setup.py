@@ -24,9 +24,9 @@ setup(
     license='Apache-2.0',
     maintainer='dragon_ros maintainers',
     maintainer_email='maintainers@dragon-ros.example.org',
-    packages=find_packages(include=[NAME, f'{NAME}.*']),
+    packages=find_packages(include=[NAME, f'{NAME}.*', 'dragon_contest', 'dragon_contest.*']),
     package_data={NAME: ['py.typed'], f'{NAME}.commands.view': ['web/*'],
-                  f'{NAME}.commands.grade': ['report.css']},
+                  'dragon_contest.grade': ['report.css']},
     # Executables are data files: `ros2 run` searches lib/dragon_ros, and names such as `sim` must never be installed in
     # a bin/.
     data_files=[

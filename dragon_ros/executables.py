@@ -1,6 +1,8 @@
 """Every executable of the package, in one list for ``ros2 run dragon_ros NAME`` and ``python -m dragon_ros NAME``."""
 from typing import NamedTuple
 
+from dragon_ros.guests import installed
+
 
 class Executable(NamedTuple):
     """An executable: its module, its function ``f(argv) -> exit code``, and its purpose, which is shown as help."""
@@ -31,8 +33,7 @@ EXECUTABLES = {
     'plan': Executable(_COMMANDS, 'draw a scene to scale for printing: swept area, gaps and times', 'plan'),
     'route': Executable(_COMMANDS, 'make a scene whose track follows a drawing', 'route'),
     'study': Executable('dragon_ros.commands.study', 'run a parameter study over thousands or millions of scenes'),
-    'grade': Executable('dragon_ros.commands.grade.command',
-                        'grade contest results and diagnose common mistakes'),
     'cost': Executable('dragon_ros.cost.command', 'measure the cost of accuracy, effects, contact and bags'),
     'demo': Executable(_COMMANDS, 'run everything once: sim, monitor, bag, replay, picture', 'demo'),
+    **{name: Executable(*guest) for name, guest in installed().items() if ' ' not in name},
 }

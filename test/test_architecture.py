@@ -20,7 +20,9 @@ from dragon_ros.executables import EXECUTABLES
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / 'dragon_ros'
 # Each room and the rooms that it may import besides itself; rooms that do not exist yet are skipped.
-BELOW_NODES = ('core', 'version', 'configuration', 'scenes', 'messages', 'bags', 'cli')
+BELOW_NODES = ('core', 'version', 'configuration', 'guests', 'scenes', 'messages', 'bags', 'cli')
+# Packages beside it, and their libraries.
+GUESTS = {'dragon_contest': {'numpy', 'openpyxl', 'python_calamine', 'PIL'}}
 ROOMS = {**{room: BELOW_NODES[:rank] for rank, room in enumerate(BELOW_NODES)},
          'studies': BELOW_NODES, 'commands': (*BELOW_NODES, 'studies'), 'nodes': BELOW_NODES,
          'cost': BELOW_NODES, 'api': (*BELOW_NODES, 'commands', 'studies'), 'verify': ()}
@@ -41,7 +43,8 @@ CORE_ROOMS = {
 OF_SCENE = {'chain': {'commanded', 'dragon', 'head_law'}, 'tracks': {'spec'}}
 LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': set(),
              'scenes': {'numpy', 'yaml', 'shapely', 'pyproj', 'svgelements'}, 'messages': {'numpy'},
-             'bags': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4'}, 'cli': {'argcomplete', 'matplotlib', 'tqdm'},
+             'bags': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4'},
+             'cli': {'argcomplete', 'matplotlib', 'openpyxl', 'tqdm'},
              'commands': {'numpy', 'matplotlib', 'PIL', 'tqdm', 'pyarrow', 'openpyxl', 'python_calamine', 'shapely'},
              'studies': {'numpy', 'scipy', 'yaml', 'pyarrow', 'dask', 'distributed', 'tornado'}, 'verify': {'flint'},
              'cost': {'numpy', 'matplotlib'}}
@@ -133,6 +136,42 @@ def test_imports_point_down(room):
 def test_the_package_imports_nothing_that_an_install_lacks():
     lacking = {*BESIDE, 'test', 'mpmath'}
     assert {path: used for path in PACKAGE.rglob('*.py') if (used := libraries(path) & lacking)} == {}
+
+
+def test_the_package_names_the_packages_beside_it_in_one_list_alone():
+    files = {path for path in PACKAGE.rglob('*.py') if any(name in path.read_text() for name in GUESTS)}
+    assert files == {PACKAGE / 'guests.py'}
+
+
+WITHOUT_GUESTS = """
+import importlib, pkgutil, sys
+import dragon_ros
+from dragon_ros.__main__ import main
+from dragon_ros.executables import EXECUTABLES
+from dragon_ros.guests import GUESTS
+assert not [name for name in GUESTS if name in EXECUTABLES], EXECUTABLES
+assert main(['table', '--times', '0', '--handles', '0']) == 0
+for name in GUESTS:
+    try:
+        code = main([*name.split(), 'a'])
+    except SystemExit as end:
+        code = end.code
+    assert code == 2, name
+"""
+
+
+def test_without_the_packages_beside_it_their_commands_are_absent_and_the_others_work(tmp_path):
+    shutil.copytree(PACKAGE, tmp_path / 'dragon_ros', ignore=shutil.ignore_patterns('__pycache__'))
+    shutil.copytree(ROOT / 'msg_configs', tmp_path / 'msg_configs')
+    done = subprocess.run([sys.executable, '-S', '-c', f'import sys; sys.path = ["."] + {alone()!r}\n{WITHOUT_GUESTS}'],
+                          cwd=tmp_path, env=os.environ | NO_BYTECODE, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout.count('\n')) == (0, 2), done.stderr
+    assert 'Traceback' not in done.stderr
+
+
+def alone():
+    """Return the path of modules without this checkout."""
+    return [one for one in sys.path if one and ROOT not in (Path(one).resolve(), Path(one).resolve().parent)]
 
 
 @pytest.mark.parametrize('folder', BESIDE)
@@ -268,7 +307,8 @@ def copy_source(target):
     target.mkdir(parents=True)
     for name in ('package.xml', 'setup.py', 'setup.cfg', 'pyproject.toml', 'README.md', 'LICENSE'):
         shutil.copy(ROOT / name, target)
-    for name in ('dragon_ros', 'benchmarks', 'hard_cases', 'launch', 'msg_configs', 'resource', 'scripts', 'test'):
+    for name in ('dragon_ros', *GUESTS, 'benchmarks', 'hard_cases', 'launch', 'msg_configs', 'resource', 'scripts',
+                 'test'):
         shutil.copytree(ROOT / name, target / name, symlinks=True, ignore=shutil.ignore_patterns('__pycache__'))
     return target
 
@@ -300,9 +340,10 @@ def test_a_wheel_puts_executables_in_lib_alone_and_carries_every_config(tmp_path
     assert 'share/dragon_ros/launch/dragon.launch.py' in data
     web = {path.relative_to(ROOT).as_posix() for path in (PACKAGE / 'commands' / 'view' / 'web').iterdir()}
     assert web <= set(names)
-    assert 'dragon_ros/commands/grade/report.css' in names
-    packages = {path.parent.relative_to(ROOT).as_posix() for path in PACKAGE.rglob('*.py')}
-    modules = [name for name in names if name.startswith('dragon_ros/') and name.endswith('.py')]
+    assert 'dragon_contest/grade/report.css' in names
+    packages = {path.parent.relative_to(ROOT).as_posix() for name in ('dragon_ros', *GUESTS)
+                for path in (ROOT / name).rglob('*.py')}
+    modules = [name for name in names if name.split('/')[0] in ('dragon_ros', *GUESTS) and name.endswith('.py')]
     assert packages == {name.rpartition('/')[0] for name in modules}
     assert not [name for name in names if name.startswith(tuple(BESIDE))]
 

@@ -42,8 +42,8 @@ SUBSTITUTES = {
     './dragon docs': (None, 'writes to the checkout; a test below checks the tables'),
     './dragon python docs/examples/common_mistakes.py': (None, 'a test below runs it and compares its tables'),
     './dragon python docs/examples/': (None, 'requires a sim; test/nodes/test_examples.py runs it with one'),
-    './dragon grade result1.xlsx': ('grade --help', 'requires answer files; test/commands/test_grade.py grades some'),
-    './dragon grade class': ('grade --help', "requires a class's files; test/commands/test_grade_files.py has some"),
+    './dragon grade result1.xlsx': ('grade --help', 'requires answer files; test/contest/test_grade.py grades some'),
+    './dragon grade class': ('grade --help', "requires a class's files; test/contest/test_grade_files.py has some"),
     './dragon view': ('view --help', 'runs until Ctrl-C; test/commands/test_view.py tests the page'),
     './dragon record --output live.mcap': ('record --help', 'waits for a sim; test/nodes/test_record.py starts one'),
     './dragon sim --scene small.yaml': ('sim --scene small.yaml --set run.stop_s=5 --ros-args -p time_scale:=0.0 '
@@ -54,7 +54,7 @@ SUBSTITUTES = {
                                  'waits for commands for an hour; test/nodes/test_led.py sends some'),
     './dragon monitor': ('monitor --help', 'runs until Ctrl-C; test/nodes/test_examples.py publishes handles for it'),
     './dragon table --contest': (None, 'takes half a minute on a busy machine; '
-                                'test/commands/test_contest_files.py writes the tables'),
+                                'test/contest/test_contest_files.py writes the tables'),
     './dragon simulate --scene small.yaml': ('simulate --scene small.yaml --set run.stop_s=5 --output small.mcap',
                                              'a shorter run'),
     './dragon simulate --scene first_contact': (
@@ -285,7 +285,7 @@ def headings(path):
 
 def test_every_module_that_a_document_names_exists():
     """A name such as `geometry/near_pairs.py` may omit the folders above it."""
-    folders = ('benchmarks', 'docs', 'dragon_ros', 'hard_cases', 'launch', 'msg_configs', 'test')
+    folders = ('benchmarks', 'docs', 'dragon_contest', 'dragon_ros', 'hard_cases', 'launch', 'msg_configs', 'test')
     files = ['setup.py', *(path.relative_to(ROOT).as_posix() for folder in folders
                            for path in (ROOT / folder).rglob('*.py'))]
     ends = {name.split('/', n)[-1] for name in files for n in range(name.count('/') + 1)}

@@ -1,15 +1,15 @@
 """Print the results of common mistakes on the contest problem CUMCM 2024 A, as in the tables of docs/cumcm-2024-a.md.
 
-Each row is a recipe with one mistake (``dragon_ros/commands/contest/mistakes.py``). ``common_mistakes.py 1 2`` prints
+Each row is a recipe with one mistake (``dragon_contest/mistakes.py``). ``common_mistakes.py 1 2`` prints
 only the tables of questions 1 and 2.
 """
 import sys
 from collections.abc import Callable, Iterable, Iterator
 
 import dragon_ros as dr
-from dragon_ros.commands.contest import mistakes
-from dragon_ros.commands.contest.mistakes import MistakenAnswer, first_touch_s, front_gaps, gap_of
-from dragon_ros.commands.grade.words import sentence
+from dragon_contest import mistakes
+from dragon_contest.grade.words import sentence
+from dragon_contest.mistakes import MistakenAnswer, first_touch_s, front_gaps, gap_of
 
 Rows = Iterator[tuple[str, ...]]
 

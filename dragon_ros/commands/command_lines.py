@@ -6,6 +6,7 @@ from pathlib import Path
 from dragon_ros.bags.write import COMPRESSIONS
 from dragon_ros.cli import command_line
 from dragon_ros.cli.language import add_lang_option
+from dragon_ros.guests import installed
 
 EXPORT_FORMATS = ('csv', 'parquet', 'npz')
 
@@ -20,14 +21,14 @@ def table(argv: list[str]) -> int:
     command_line.add_namespace_option(options)
     command_line.add_times_option(options, 'times in seconds (0, or the start of the bag)')
     command_line.add_handles_option(options)
-    options.add_argument('--paper', action='store_true',
-                         help="the paper's three tables: printed, reproduced and true values, and errors "
-                         '(incompatible with scene options)')
-    options.add_argument('--contest', type=Path, metavar='FOLDER',
-                         help='write the files of the contest: result1 and result2 of the given scene, and result4 of '
-                         'the scene turning (incompatible with --times)')
+    options.set_defaults(paper=False, contest=None, lang=None)
+    guests = installed()
+    if 'table --paper' in guests:
+        options.add_argument('--paper', action='store_true', help=guests['table --paper'].help)
+    if 'table --contest' in guests:
+        options.add_argument('--contest', type=Path, metavar='FOLDER', help=guests['table --contest'].help)
+        add_lang_option(options, '--paper and --contest')
     command_line.add_output_options(options, ('text', 'csv', 'json', 'xlsx'))
-    add_lang_option(options, '--paper and --contest')
     arguments = options.parse_args(argv)
     from dragon_ros.commands.table import run
     return command_line.guarded('table', partial(run, arguments))

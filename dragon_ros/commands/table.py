@@ -1,21 +1,19 @@
 """``table``: print positions and velocities of handles at given times."""
 import json
-import sys
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Iterator
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dragon_ros.cli import command_line
-from dragon_ros.cli.language import language_of, say
 from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.ranges import handles_of, times_of
 from dragon_ros.core.batches import batches
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
+from dragon_ros.guests import installed
 
 if TYPE_CHECKING:       # imported lazily, because a table of a scene needs no bag reader
     from dragon_ros.bags.read.frames import BagFrame
@@ -42,37 +40,20 @@ def _check(arguments: Namespace) -> None:
 def run(arguments: Namespace) -> int:
     """Print the requested tables; return the exit code."""
     _check(arguments)
-    if arguments.paper:
-        from dragon_ros.commands.contest import paper_tables
-        cells = paper_tables.cells()
-        content = (paper_tables.text(cells, language_of(arguments.lang)) if arguments.format == 'text' else
-                   paper_tables.FORMATS[arguments.format](cells))
-        command_line.write_output(arguments.output, content)
-        return command_line.OK
+    if arguments.paper or arguments.contest:
+        from importlib import import_module
+        guest = installed()['table --paper' if arguments.paper else 'table --contest']
+        code: int = import_module(guest.module).run(arguments)
+        return code
     if arguments.bag:
         rows = _bag_rows(arguments)
     else:
         scene = command_line.scene_from(arguments)
-        if arguments.contest:
-            return _write_contest(arguments.contest, scene, language_of(arguments.lang))
         handles = handles_of(arguments.handles, scene.dragon.benches)
         times_s = times_of('0' if arguments.times is None else arguments.times)
         with Progress('table', 'times', len(times_s)) as bar:
             rows = table(scene, times_s, handles, bar.update)
     command_line.write_output(arguments.output, _FORMATS[arguments.format](rows))
-    return command_line.OK
-
-
-def _write_contest(folder: Path, scene: Scene, lang: str) -> int:
-    """Write the contest's files and print their paths."""
-    from dragon_ros.commands.contest import result_files
-    from dragon_ros.commands.contest.words import WORDS
-    from dragon_ros.scenes.load import load_scene
-    with Progress('contest', 'steps', 11) as bar:
-        paths = result_files.write(folder, scene, load_scene('turning'), bar.update)
-    command_line.write_output(None, '\n'.join(map(str, paths)))
-    if not any(path.suffix == '.xlsx' for path in paths):
-        print(say(WORDS, 'no_xlsx', lang), file=sys.stderr)
     return command_line.OK
 
 
@@ -126,7 +107,7 @@ def _json(rows: list[Row]) -> str:
 
 
 def _xlsx(rows: list[Row]) -> bytes:
-    from dragon_ros.commands.workbook import xlsx_of  # openpyxl is an optional extra
+    from dragon_ros.cli.workbook import xlsx_of  # openpyxl is an optional extra
     return xlsx_of(COLUMNS, rows)
 
 

@@ -37,15 +37,6 @@ def test_a_full_disk_is_said_in_one_line(capsys, tmp_path, arguments, says):
     assert [one.read_bytes() for one in tmp_path.iterdir()] == [b'old']
 
 
-def test_old_result_files_stay_if_the_disk_is_full(capsys, tmp_path):
-    old = tmp_path / 'result1_positions.csv'
-    old.write_bytes(b'old')
-    with small_disk(500_000):
-        code = main(['table', '--contest', str(tmp_path)])
-    assert (code, capsys.readouterr().err) == (2, f'table: --contest {tmp_path}: cannot be written: File too large\n')
-    assert [one.read_bytes() for one in tmp_path.iterdir()] == [b'old']
-
-
 @pytest.mark.skipif(not Path('/dev/full').exists(), reason='the system has no /dev/full')
 @pytest.mark.parametrize('unbuffered', ['', '1'])
 def test_a_full_disk_behind_standard_output_is_said_in_one_line(unbuffered):
@@ -58,9 +49,8 @@ def test_a_full_disk_behind_standard_output_is_said_in_one_line(unbuffered):
 
 @pytest.mark.skipif(not Path('/dev/full').exists(), reason='the system has no /dev/full')
 @pytest.mark.parametrize(('arguments', 'says'), [
-    ('route OUT.csv', 'route'), ('grade --t 412 --output OUT.html', 'grade'),
-    (f'plan {SHORT} --output OUT.geojson', 'plan'), (f'plot dragon {SHORT} --times 0 --output OUT.png', 'plot'),
-    pytest.param('table --contest OUT', 'table', marks=pytest.mark.long)])
+    ('route OUT.csv', 'route'),
+    (f'plan {SHORT} --output OUT.geojson', 'plan'), (f'plot dragon {SHORT} --times 0 --output OUT.png', 'plot')])
 def test_no_command_ends_in_a_traceback_if_its_summary_cannot_be_written(capsys, monkeypatch, tmp_path, arguments,
                                                                          says):
     (tmp_path / 'out.csv').write_text('0,0\n9,0\n')

@@ -10,8 +10,7 @@ from matplotlib import font_manager
 
 from dragon_ros.__main__ import main
 from dragon_ros.cli.language import language_of, say
-from dragon_ros.commands import contest, plan, plan_words, view
-from dragon_ros.commands.contest import words as contest_words
+from dragon_ros.commands import plan, plan_words, view
 from dragon_ros.commands.sources import SceneSource
 from dragon_ros.commands.view import variants
 from dragon_ros.commands.view.data import ViewData
@@ -19,9 +18,7 @@ from dragon_ros.commands.view.server import ViewServer
 from dragon_ros.scenes.load import load_scene
 
 WEB = Path(view.__file__).with_name('web')
-TABLES = {'plan': (plan_words.WORDS, Path(plan.__file__).read_text()),
-          'contest': (contest_words.WORDS, ''.join(path.read_text() for path in (
-              Path(contest.__file__).with_name('paper_tables.py'), Path(contest.__file__).parents[1] / 'table.py')))}
+TABLES = {'plan': (plan_words.WORDS, Path(plan.__file__).read_text())}
 PAGE = dict(re.findall(r'(\w+): \[((?:"[^"]*"|\'[^\']*\'), (?:"[^"]*"|\'[^\']*\'))\]', (WEB / 'words.js').read_text()))
 
 
@@ -68,17 +65,6 @@ def test_the_page_has_every_text_that_it_names_in_both_languages():
         english, chinese = re.findall(r'"([^"]*)"|\'([^\']*)\'', pair)
         assert set(re.findall(r'{(\w+)}', ''.join(english))) == set(re.findall(r'{(\w+)}', ''.join(chinese))), key
         assert re.search('[\u4e00-\u9fff]', ''.join(chinese)), key
-
-
-def test_the_paper_s_tables_are_in_chinese_with_the_same_numbers(capsys):
-    chinese, english = (run(capsys, 'table', '--paper', '--lang', lang)[1] for lang in ('zh', 'en'))
-    assert chinese.startswith('表 1  位置 (m)\n')
-    assert '第51节龙身x' in chinese
-    assert re.findall(r'-?\d+\.\d+', chinese.replace('412.20', '')) == re.findall(
-        r'-?\d+\.\d+', english.replace('412.20', ''))
-    code, _, err = run(capsys, 'table', '--lang', 'zh')
-    assert code == 2
-    assert '--lang' in err
 
 
 def test_a_plan_is_in_chinese_or_says_which_font_is_missing(capsys, tmp_path, monkeypatch):

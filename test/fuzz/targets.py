@@ -356,7 +356,7 @@ def workbook(folder: Path) -> Target:
     """Sheets of workbooks that are graded: the XML for a valid archive or, after a Z, the whole archive."""
     import zipfile
 
-    from dragon_ros.commands.grade.team import Team, grade_team
+    from dragon_contest.grade.team import Team, grade_team
     path = folder / 'result1.xlsx'
     main = 'http://schemas.openxmlformats.org/spreadsheetml/2006/main'
     office = 'http://schemas.openxmlformats.org/officeDocument/2006/relationships'

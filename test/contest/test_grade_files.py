@@ -20,16 +20,16 @@ from hypothesis import strategies as st
 from processes import children
 from properties import thinned
 
+from dragon_contest.grade import folders, reading, report
+from dragon_contest.grade.diagnosis import RIGHT
+from dragon_contest.grade.folders import grade_all, teams_of
+from dragon_contest.grade.reading import read_book
+from dragon_contest.grade.tables import json_text
+from dragon_contest.grade.team import Team, grade_team
+from dragon_contest.grade.truth import truth_at
+from dragon_contest.result_files import handle_names
 from dragon_ros.__main__ import main
 from dragon_ros.cli.progress import Progress
-from dragon_ros.commands.contest.result_files import handle_names
-from dragon_ros.commands.grade import folders, reading, report
-from dragon_ros.commands.grade.diagnosis import RIGHT
-from dragon_ros.commands.grade.folders import grade_all, teams_of
-from dragon_ros.commands.grade.reading import read_book
-from dragon_ros.commands.grade.tables import json_text
-from dragon_ros.commands.grade.team import Team, grade_team
-from dragon_ros.commands.grade.truth import truth_at
 from dragon_ros.core import limits
 from dragon_ros.core.errors import InputError
 
@@ -522,7 +522,7 @@ def test_a_bomb_is_refused_with_little_memory(tmp_path):
     (tmp_path / 'result1.xlsx').write_bytes(shared(f'<si><t>{"x" * 300_000}</t></si>',
                                                    '<c r="A{0}" t="s"><v>0</v></c>' * 1000))
     code = ('import resource; resource.setrlimit(resource.RLIMIT_DATA, (200 * 2**20,) * 2)\n'
-            'from dragon_ros.commands.grade.reading import read_book\n'
+            'from dragon_contest.grade.reading import read_book\n'
             'from pathlib import Path\nread_book(Path("result1.xlsx"))')
     done = subprocess.run([sys.executable, '-c', code], cwd=tmp_path, capture_output=True, text=True, check=False,
                           env={**os.environ, 'PYTHONPATH': str(ROOT), 'OPENBLAS_NUM_THREADS': '1'})

@@ -14,8 +14,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dragon_ros.commands.contest import mistakes
-from dragon_ros.commands.contest.mistakes import (
+from dragon_contest import mistakes
+from dragon_contest.grade.layout import HANDLES
+from dragon_contest.grade.truth import (
+    TrueStates,
+    contact_s,
+    handles_at,
+    state_at,
+    truth_at,
+    turned_scene,
+    wound_scene,
+)
+from dragon_contest.mistakes import (
     BODY_LINK_M,
     HEAD_LINK_M,
     PITCH_M,
@@ -27,16 +37,6 @@ from dragon_ros.commands.contest.mistakes import (
     placed_angles,
     points,
     solved,
-)
-from dragon_ros.commands.grade.layout import HANDLES
-from dragon_ros.commands.grade.truth import (
-    TrueStates,
-    contact_s,
-    handles_at,
-    state_at,
-    truth_at,
-    turned_scene,
-    wound_scene,
 )
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.errors import DragonError

@@ -13,8 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dragon_ros.commands.contest.mistakes import turning
-from dragon_ros.commands.grade.diagnosis import (
+from dragon_contest.grade.diagnosis import (
     RIGHT,
     Booleans,
     Diagnosis,
@@ -23,11 +22,12 @@ from dragon_ros.commands.grade.diagnosis import (
     diagnose_positions,
     diagnose_speeds,
 )
-from dragon_ros.commands.grade.heat import Heat, heat_of
-from dragon_ros.commands.grade.layout import HANDLES, QUANTITIES, GivenResult, Note, given_by, joined
-from dragon_ros.commands.grade.reading import Refused, WorkbookSheet, read_book
-from dragon_ros.commands.grade.truth import RESULTS, TrueStates, contact_s, truth_at
-from dragon_ros.commands.grade.words import sentence, titled
+from dragon_contest.grade.heat import Heat, heat_of
+from dragon_contest.grade.layout import HANDLES, QUANTITIES, GivenResult, Note, given_by, joined
+from dragon_contest.grade.reading import Refused, WorkbookSheet, read_book
+from dragon_contest.grade.truth import RESULTS, TrueStates, contact_s, truth_at
+from dragon_contest.grade.words import sentence, titled
+from dragon_contest.mistakes import turning
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import DragonError, InputError
 from dragon_ros.core.numerics.types import Floats

@@ -11,8 +11,8 @@ from itertools import starmap
 from math import floor, log10
 from pathlib import Path
 
-from dragon_ros.commands.grade.heat import LEAST, MOST, Heat
-from dragon_ros.commands.grade.tables import (
+from dragon_contest.grade.heat import LEAST, MOST, Heat
+from dragon_contest.grade.tables import (
     UNITS,
     cause_line,
     causes_of,
@@ -22,9 +22,9 @@ from dragon_ros.commands.grade.tables import (
     reason_of,
     verdict_key,
 )
-from dragon_ros.commands.grade.team import BOUNDS, QUESTIONS, SHEETS, UNREAD, AnswerGrade, SheetGrade, TeamGrade
-from dragon_ros.commands.grade.truth import RESULTS
-from dragon_ros.commands.grade.words import joined, sentence, titled
+from dragon_contest.grade.team import BOUNDS, QUESTIONS, SHEETS, UNREAD, AnswerGrade, SheetGrade, TeamGrade
+from dragon_contest.grade.truth import RESULTS
+from dragon_contest.grade.words import joined, sentence, titled
 from dragon_ros.version import __version__
 
 # Anchor colours of the colour map viridis by Smith and van der Walt (CC0). Its lightness increases evenly, and

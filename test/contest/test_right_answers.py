@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dragon_contest.answers import right_answers
+from dragon_contest.grade.team import answers_of, truth_of
+from dragon_contest.grade.truth import truth_at
 from dragon_ros.__main__ import main
-from dragon_ros.commands.contest.answers import right_answers
-from dragon_ros.commands.grade.team import answers_of, truth_of
-from dragon_ros.commands.grade.truth import truth_at
 
 DOCS = Path(__file__).parents[2] / 'docs'
 PUBLISHED = json.loads((DOCS / 'answers.json').read_text(encoding='utf-8'))

@@ -8,9 +8,9 @@ from os import cpu_count
 from pathlib import Path
 from threading import Event
 
+from dragon_contest.grade.reading import CSV_SUFFIXES
+from dragon_contest.grade.team import Problem, Team, TeamGrade, grade_team, named_result
 from dragon_ros.cli.signals import interrupts_blocked
-from dragon_ros.commands.grade.reading import CSV_SUFFIXES
-from dragon_ros.commands.grade.team import Problem, Team, TeamGrade, grade_team, named_result
 from dragon_ros.core.errors import InputError, MissingError
 from dragon_ros.core.limits import GRADED_BOOKS
 

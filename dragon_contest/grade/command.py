@@ -12,7 +12,7 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.core.words import counted
 
 if TYPE_CHECKING:       # imported lazily, so that --help does not load numpy
-    from dragon_ros.commands.grade.team import Team, TeamGrade
+    from dragon_contest.grade.team import Team, TeamGrade
 
 _ANSWERS = {'t_s': '--t', 'pitch_m': '--pitch', 'turn_m': '--turn', 'speed_m_s': '--speed'}
 
@@ -46,8 +46,8 @@ def _run(arguments: Namespace) -> int:
         return _write_right_answers(arguments)
     form = _format_of(arguments)
     teams = _teams(arguments)
+    from dragon_contest.grade.folders import grade_all
     from dragon_ros.cli.signals import stopped_by_signals
-    from dragon_ros.commands.grade.folders import grade_all
     with stopped_by_signals() as stop, Progress('grade', 'teams', len(teams)) as bar:
         grades, complete = grade_all(teams, stop, bar.update)
     content = _content(form, grades, len(teams), language_of(arguments.lang))
@@ -69,7 +69,7 @@ def _write_right_answers(arguments: Namespace) -> int:
     """Write the right answers as JSON. Raises InputError."""
     import json
 
-    from dragon_ros.commands.contest.answers import right_answers
+    from dragon_contest.answers import right_answers
     given = {'FILE|FOLDER': bool(arguments.paths), '--answers': arguments.answers is not None,
              '--format': arguments.format not in (None, 'json'), '--lang': arguments.lang is not None,
              **{option: getattr(arguments, option[2:]) is not None for option in _ANSWERS.values()}}
@@ -94,8 +94,8 @@ def _format_of(arguments: Namespace) -> str:
 
 def _teams(arguments: Namespace) -> 'list[Team]':
     """Return the teams with their answers. Raises InputError."""
-    from dragon_ros.commands.grade.folders import teams_of
-    from dragon_ros.commands.grade.team import Team, teams_in
+    from dragon_contest.grade.folders import teams_of
+    from dragon_contest.grade.team import Team, teams_in
     from dragon_ros.core.checks import number
     given = {key: number(option, value, above=0.0, high=1e6) for key, option in _ANSWERS.items()
              if (value := getattr(arguments, option[2:])) is not None}
@@ -115,7 +115,7 @@ def _teams(arguments: Namespace) -> 'list[Team]':
 
 def _add_answers(teams: 'list[Team]', path: Path) -> None:
     """Set the answers of teams from a file. Raises InputError."""
-    from dragon_ros.commands.grade.team import answers_by_team, answers_of
+    from dragon_contest.grade.team import answers_by_team, answers_of
     if len(teams) == 1:
         teams[0].answers = answers_of(path)
         return
@@ -130,9 +130,9 @@ def _add_answers(teams: 'list[Team]', path: Path) -> None:
 def _content(form: str, grades: 'list[TeamGrade]', whole: int, lang: str) -> str:
     """Return the grades in the given format."""
     if form == 'html':
-        from dragon_ros.commands.grade.report import page
+        from dragon_contest.grade.report import page
         return page(grades, whole, lang)
-    from dragon_ros.commands.grade import tables
+    from dragon_contest.grade import tables
     if form == 'text':
         return tables.text_of(grades, lang)
     return tables.json_text(grades) if form == 'json' else tables.csv_text(grades)

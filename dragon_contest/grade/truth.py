@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dragon_ros.commands.contest.mistakes import SPEED_M_S, START, arc_length, turning, winding
+from dragon_contest.mistakes import SPEED_M_S, START, arc_length, turning, winding
 from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.model import compile_scene

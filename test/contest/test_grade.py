@@ -7,8 +7,23 @@ import numpy as np
 import pytest
 from properties import thinned
 
-from dragon_ros.commands.contest import mistakes
-from dragon_ros.commands.contest.mistakes import (
+from dragon_contest import mistakes
+from dragon_contest.grade import team
+from dragon_contest.grade.diagnosis import _along_track, answer_findings, nice, rounded_to, share
+from dragon_contest.grade.layout import GivenResult
+from dragon_contest.grade.tables import (
+    COLUMNS,
+    causes_of,
+    csv_text,
+    json_text,
+    keys_of,
+    lacks_of,
+    looks_like,
+    text_of,
+)
+from dragon_contest.grade.team import Problem, Team, TeamGrade, answer_grade, grade_team, grades_of
+from dragon_contest.grade.truth import contact_s, state_at, truth_at, turned_scene, wound_scene
+from dragon_contest.mistakes import (
     along,
     arc_length,
     chord,
@@ -20,21 +35,6 @@ from dragon_ros.commands.contest.mistakes import (
     points,
     solved,
 )
-from dragon_ros.commands.grade import team
-from dragon_ros.commands.grade.diagnosis import _along_track, answer_findings, nice, rounded_to, share
-from dragon_ros.commands.grade.layout import GivenResult
-from dragon_ros.commands.grade.tables import (
-    COLUMNS,
-    causes_of,
-    csv_text,
-    json_text,
-    keys_of,
-    lacks_of,
-    looks_like,
-    text_of,
-)
-from dragon_ros.commands.grade.team import Problem, Team, TeamGrade, answer_grade, grade_team, grades_of
-from dragon_ros.commands.grade.truth import contact_s, state_at, truth_at, turned_scene, wound_scene
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.spec import STurn

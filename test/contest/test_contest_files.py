@@ -8,8 +8,8 @@ from zipfile import ZipFile
 import pytest
 from properties import thinned
 
+from dragon_contest import result_files
 from dragon_ros.__main__ import main
-from dragon_ros.commands.contest import result_files
 from dragon_ros.scenes.load import load_scene
 
 

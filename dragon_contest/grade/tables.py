@@ -3,11 +3,11 @@ import json
 from collections.abc import Iterable
 from typing import Any
 
+from dragon_contest.grade.diagnosis import CAUSES, EXPLAINED, Finding
+from dragon_contest.grade.team import BOUNDS, QUESTIONS, SHEETS, AnswerGrade, SheetGrade, TeamGrade
+from dragon_contest.grade.truth import RESULTS
+from dragon_contest.grade.words import bracketed, handle_name, joined, listed, sentence, titled
 from dragon_ros.cli.command_line import csv_of
-from dragon_ros.commands.grade.diagnosis import CAUSES, EXPLAINED, Finding
-from dragon_ros.commands.grade.team import BOUNDS, QUESTIONS, SHEETS, AnswerGrade, SheetGrade, TeamGrade
-from dragon_ros.commands.grade.truth import RESULTS
-from dragon_ros.commands.grade.words import bracketed, handle_name, joined, listed, sentence, titled
 
 UNITS = {'positions': 'm', 'speeds': 'm/s'}
 FORMAT = 1      # version of the JSON and CSV formats

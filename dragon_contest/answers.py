@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros.commands.contest.mistakes import turning, winding
+from dragon_contest.mistakes import turning, winding
 from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.scene import Scene

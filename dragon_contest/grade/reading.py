@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import NamedTuple, cast
 from xml.etree import ElementTree
 
-from dragon_ros.commands.grade.words import sentence
+from dragon_contest.grade.words import sentence
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.limits import (
     BOOK_BYTES,

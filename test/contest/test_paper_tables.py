@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from dragon_contest.paper_tables import cells
 from dragon_ros.__main__ import main
-from dragon_ros.commands.contest.paper_tables import cells
 
 
 @pytest.fixture(scope='module')

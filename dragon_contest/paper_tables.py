@@ -9,10 +9,10 @@ from unicodedata import east_asian_width
 
 import numpy as np
 
+from dragon_contest.words import WORDS
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.language import say
-from dragon_ros.commands.contest.words import WORDS
-from dragon_ros.commands.workbook import xlsx_of
+from dragon_ros.cli.workbook import xlsx_of
 from dragon_ros.configuration import folder as configuration_folder
 from dragon_ros.core.batches import velocity_of
 from dragon_ros.core.chain.chain import Chain

@@ -3,8 +3,9 @@ import re
 from pathlib import Path
 from string import Formatter
 
-from dragon_ros.commands import contest, grade
-from dragon_ros.commands.grade.words import WORDS, handle_name, sentence
+import dragon_contest as contest
+from dragon_contest import grade
+from dragon_contest.grade.words import WORDS, handle_name, sentence
 
 FILES = [path for package in (grade, contest) for path in Path(package.__file__).parent.glob('*.py')
          if path.name != 'words.py']

@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dragon_ros.commands.grade.reading import Cell, WorkbookSheet, number_of
+from dragon_contest.grade.reading import Cell, WorkbookSheet, number_of
 from dragon_ros.core.limits import BOOK_TIMES
 from dragon_ros.core.numerics.types import Floats, Ints
 
