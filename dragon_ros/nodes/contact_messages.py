@@ -2,8 +2,10 @@
 from collections.abc import Mapping
 from math import inf, isnan
 
+import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, PointStamped
+from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 
 from dragon_ros.core.geometry.contacts import pair_words
@@ -14,6 +16,11 @@ from dragon_ros.messages.cdr import stamp_of
 _LABEL_S = 0.1      # minimum interval between messages on clearance/marker
 _AGAIN_S = 1.0      # interval between reports of unseen ticks
 _OVER_S = 3.0       # how long a WARN lasts after the last unseen tick
+# A column of a contact: its name and its numpy type. RViz requires x, y and z as float32.
+CONTACT_FIELDS = (('x', '<f4'), ('y', '<f4'), ('z', '<f4'), ('inner', '<u4'), ('outer', '<u4'), ('depth', '<f8'),
+                  ('t_contact', '<f8'))
+CONTACT = np.dtype(list(CONTACT_FIELDS))
+_DATATYPES = {'<u4': PointField.UINT32, '<f4': PointField.FLOAT32, '<f8': PointField.FLOAT64}
 _HOW = {PARTED: 'end of contact', RESTART: 'contact ended by a restart'}
 
 
@@ -65,6 +72,20 @@ def end_status_of(end: EpisodeEnd) -> DiagnosticStatus:
 def _pair(of: Event | EpisodeEnd) -> dict[str, str]:
     named = {'obstacle': of.obstacle} if of.obstacle else {}
     return {'inner': str(of.benches[0]), 'outer': str(of.benches[1]), **named}
+
+
+def cloud_of(report: Report) -> PointCloud2 | None:
+    """Return the contacts that began at a tick for programs, as named columns of numbers, or None if there are none."""
+    if not report.begins:
+        return None
+    observation = report.observation
+    rows = np.array([(*event.point_m, 0.0, *event.benches, -event.gap_m, event.t_contact_s)
+                     for event in report.begins], dtype=CONTACT)
+    fields = [PointField(name=name, offset=CONTACT.fields[name][1], datatype=_DATATYPES[kind], count=1)
+              for name, kind in CONTACT_FIELDS]
+    return PointCloud2(header=header_of(observation.frame_id, observation.t_ns), height=1, width=len(rows),
+                       fields=fields, point_step=CONTACT.itemsize, row_step=CONTACT.itemsize * len(rows),
+                       data=rows.tobytes(), is_dense=True)
 
 
 def point_of(event: Event) -> PointStamped:

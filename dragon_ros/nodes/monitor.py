@@ -38,8 +38,9 @@ _HEALTH_S = 1.0         # interval between messages on /diagnostics, in wall tim
 _REST_S = 5.0           # maximum time to read what arrived before a signal, which launch sends when the source ends
 _STAMPED = 'clearance/stamped'
 _OBSTACLES = 'collision/obstacles'
-_TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', _OBSTACLES, 'clearance', _STAMPED,
-           'clearance/marker', '/diagnostics')
+_CONTACTS = 'collision/contacts'
+_TOPICS = ('collision', _CONTACTS, 'collision/active', 'collision/point', 'collision/markers', _OBSTACLES, 'clearance',
+           _STAMPED, 'clearance/marker', '/diagnostics')
 _VECTOR = 'clearance/vector'
 
 
@@ -177,6 +178,8 @@ class Monitor(DragonNode):
         if message := messages.collision_of(report):
             self.topic_publishers['collision'].publish(message)
             self._log(message)
+        if cloud := messages.cloud_of(report):
+            self.topic_publishers[_CONTACTS].publish(cloud)
         if changed:
             self.topic_publishers['collision/active'].publish(Bool(data=bool(report.count)))
         for event in report.begins:

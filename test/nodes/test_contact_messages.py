@@ -34,6 +34,19 @@ def test_the_start_of_a_contact_has_its_benches_bracket_time_point_gap_and_appro
         'gap_m': -1.5e-4, 'approach_m_s': 0.026}
 
 
+def test_the_start_of_a_contact_has_typed_numbers_with_names():
+    report = Report(SEEN, -1.5e-4, (3, 11), begins=(EVENT, Event((0, 4), 1, 2, 3.0, (0.5, 1.0), -0.25, nan, 'dragon')))
+    cloud = messages.cloud_of(report)
+    assert (cloud.header.frame_id, cloud.header.stamp.sec, cloud.header.stamp.nanosec) == ('dragon', 412, 480_000_001)
+    assert (cloud.height, cloud.width, cloud.row_step) == (1, 2, 2 * cloud.point_step)
+    kinds = {field.name: (field.offset, field.datatype) for field in cloud.fields}
+    assert kinds == {'x': (0, 7), 'y': (4, 7), 'z': (8, 7), 'inner': (12, 6), 'outer': (16, 6), 'depth': (20, 8),
+                     't_contact': (28, 8)}
+    rows = np.frombuffer(cloud.data, messages.CONTACT)
+    assert rows.tolist() == [(1.25, -2.5, 0.0, 3, 11, 1.5e-4, 412.473837682), (0.5, 1.0, 0.0, 0, 4, 0.25, 3.0)]
+    assert messages.cloud_of(Report(SEEN, 0.1, (3, 11), ends=(END,))) is None
+
+
 def test_a_bracket_without_an_earlier_tick_is_open_and_its_approach_unknown():
     event = Event((0, 8), None, 10**9, 1.0, (0.0, 0.0), -0.1, nan, 'dragon')
     found = values(messages.status_of(event, 7))

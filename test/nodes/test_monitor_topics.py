@@ -56,6 +56,8 @@ def values(status):
 
 def test_a_contact_is_reported_from_start_to_end_on_every_topic(start, node):
     from visualization_msgs.msg import Marker
+
+    from dragon_ros.nodes import contact_messages
     monitor = start('monitor')
     heard = Listener(node, 'collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance',
                      'clearance/marker')
@@ -77,6 +79,13 @@ def test_a_contact_is_reported_from_start_to_end_on_every_topic(start, node):
     source.show(413.76, 415.0, 415.02)
     node.until(lambda: len(heard.statuses()) == 2 and len(heard.got['clearance']) == 6)
     node.until(lambda: len(heard.got['collision/markers'][-1].markers) == 1)
+    late = Listener(node, 'collision/contacts')
+    node.until(lambda: late.got['collision/contacts'])
+    (cloud,) = late.got['collision/contacts']
+    (row,) = np.frombuffer(cloud.data, contact_messages.CONTACT)
+    assert (row['inner'], row['outer'], cloud.header.stamp.sec) == (0, 8, 412)
+    assert row['t_contact'] == pytest.approx(T_STAR_NS / 1e9, abs=1e-6)
+    assert row['depth'] == pytest.approx(1.6e-4, abs=1e-5)
     begin, end = heard.statuses()
     assert (begin.level, values(begin)['phase'], values(begin)['bracket']) == (b'\x02', 'begin', 'closed')
     assert float(values(begin)['approach_m_s']) == pytest.approx(0.02632, abs=1e-3)
@@ -257,7 +266,7 @@ def test_the_sim_never_publishes_what_only_a_monitor_may_say(start, node):
     start('sim', '--scene', 'first_contact', '--ros-args', '-p', 'discovery_s:=0.0')
     node.until(lambda: node.count_publishers('handles') == 1)
     mine = [row.name for row in channels().values() if row.publisher == 'monitor']
-    assert len(mine) == 10
+    assert len(mine) == 11
     assert [node.count_publishers(name) for name in mine] == [0] * len(mine)
 
 
