@@ -66,7 +66,7 @@ def test_pictures_and_the_view_say_whether_obstacles_count(venue, words):
     figure = clearance_picture(source, iter)
     assert isinstance(figure, Figure)
     assert ('obstacles' in figure.axes[0].get_title()) == words
-    assert ViewData(source, iter).run['obstacles'] == words
+    assert ViewData(source, iter).run()['obstacles'] == words
     film = AnimatedFigure(source, np.array([0.0, 1.0]), film=(640, 360))
     assert any('obstacles' in axes.get_title() for axes in film.figure.axes) == words
 

@@ -152,6 +152,28 @@ def test_a_foreign_page_cannot_reach_it_by_another_name(server, host):
         assert connection.getresponse().status == 403 or host == 'localhost:x:y'
 
 
+@pytest.mark.parametrize('header', [{'Origin': 'http://example.org'}, {'Origin': 'null'},
+                                    {'Origin': 'http://127.0.0.1:1'}, {'Sec-Fetch-Site': 'cross-site'},
+                                    {'Sec-Fetch-Site': 'same-site'}])
+@pytest.mark.parametrize('path', ['/', '/run.json', '/frames/0', '/nothing'])
+def test_a_foreign_page_gets_nothing(server, path, header):
+    connection = http.client.HTTPConnection(*server.server_address)
+    with contextlib.closing(connection):
+        connection.request('GET', path, headers=header)
+        answer = connection.getresponse()
+        assert (answer.status, answer.read()[:35]) == (403, b'this page is available only to itse')
+        assert 'Access-Control-Allow-Origin' not in answer.headers
+
+
+def test_the_page_itself_and_the_address_bar_get_their_answers(server):
+    own = server.url.rstrip('/')
+    for headers in ({'Origin': own, 'Sec-Fetch-Site': 'same-origin'}, {'Sec-Fetch-Site': 'none'}):
+        connection = http.client.HTTPConnection(*server.server_address)
+        with contextlib.closing(connection):
+            connection.request('GET', '/run.json', headers=headers)
+            assert connection.getresponse().status == 200
+
+
 @pytest.mark.parametrize(('path', 'status'), [('/', 200), ('/frames/0', 200), ('/nothing', 404)])
 def test_every_answer_forbids_frames_other_origins_and_guessed_types(server, path, status):
     connection = http.client.HTTPConnection(*server.server_address)
@@ -180,6 +202,18 @@ def test_who_asks_is_answered_however_many_connections_ask_for_nothing(scene):
         assert json.loads(get(server, 'run.json'))['name'] == 'short'
         with contextlib.suppress(ConnectionError):
             assert silent[0].recv(1) == b''         # the oldest connection was closed to make room
+
+
+@pytest.mark.parametrize('path', ['plotly.js', 'clearance.json', 'frames/0'])
+def test_who_asks_is_answered_however_many_clients_never_read(scene, path):
+    with serving(SceneSource('short', scene)) as server, contextlib.ExitStack() as stack:
+        for _ in range(VIEW_CONNECTIONS + 8):
+            client = stack.enter_context(socket.socket())
+            client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 2048)
+            client.connect(server.server_address)
+            with contextlib.suppress(OSError):      # the connection was closed
+                client.sendall(f'GET /{path} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n'.encode() * 8)
+        assert json.loads(get(server, 'run.json'))['name'] == 'short'
 
 
 def test_a_request_has_a_deadline_however_steadily_its_bytes_come(scene, monkeypatch):
@@ -218,7 +252,7 @@ def test_a_bag_with_huge_numbers_is_shown_or_refused_in_words(tmp_path, topic, b
     with BagReader(tmp_path / 'a.mcap') as reader, contextlib.nullcontext() if by_m < 1e30 else pytest.raises(
             InputError, match=f'/dragon.* at .*{topic}: .*1e\\+30'):
         data = ViewData(dragon_in(reader), iter)
-        json.dumps((data.run, data.clearance(), data.contact()), allow_nan=False)
+        json.dumps((data.run(), data.clearance(), data.contact()), allow_nan=False)
         assert data.frames(0)
 
 

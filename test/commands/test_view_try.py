@@ -17,8 +17,10 @@ from test_view import serving_of
 from dragon_ros.__main__ import main
 from dragon_ros.commands.sources import SceneSource
 from dragon_ros.commands.view import server as server_module
+from dragon_ros.commands.view import variants as variants_module
 from dragon_ros.commands.view.data import ViewData
 from dragon_ros.commands.view.variants import QUESTIONS, Variants, fields_of
+from dragon_ros.core.errors import InputError
 from dragon_ros.core.search.bounding_box import bounding_box
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.search.max_speed import max_speed
@@ -109,7 +111,7 @@ def test_a_value_that_is_not_possible_is_refused_beside_its_field(server, change
     assert error['key'] == key or not key
     assert words in error['text']
     assert '--set' not in error['text']
-    with pytest.raises(urllib.error.HTTPError, match='500') as refused:
+    with pytest.raises(urllib.error.HTTPError, match='400') as refused:
         get(server, 'run.json', **change)
     refused.value.close()
 
@@ -124,7 +126,7 @@ def test_the_scene_file_of_a_variant_makes_the_same_scene(server, tmp_path):
 @pytest.mark.parametrize(('scene', 'closed'), [('street', [True]), ('square', [True, True, True])])
 def test_the_walls_of_a_venue_are_sent_whole(scene, closed):
     variant = Variants(scene, scene, ['dragon.benches=3', 'run.stop_s=1']).variant('')
-    x, y = variant.data.run['walls']
+    x, y = variant.data.run()['walls']
     ends = [n for n, one in enumerate(x) if one is None]
     pieces = [list(zip(x[first + 1:last], y[first + 1:last], strict=True))
               for first, last in zip([-1, *ends], ends, strict=False)]
@@ -167,8 +169,33 @@ def test_an_answer_that_takes_too_long_says_what_to_ask(monkeypatch):
         connection.request('GET', '/answers/contact')
         answer = connection.getresponse()
         assert answer.status == 500
-        assert answer.reason == '/answers/contact: takes longer than 0 s; use the command line'
-        answer.read()
+        assert answer.read() == b'/answers/contact: takes longer than 0 s; use the command line'
+
+
+def test_a_path_that_waits_for_the_work_of_another_has_a_deadline_too(monkeypatch):
+    monkeypatch.setattr(server_module, 'VIEW_ANSWER_S', 0.2)
+    with serving() as server:
+        data = server.shown.variant('').data
+        with data._lock:        # another request is being answered
+            for path in ('run.json', 'contact.json', 'clearance.json', 'frames/0', 'frames/contact', 'answers/speed'):
+                with pytest.raises(urllib.error.HTTPError, match='500') as late:
+                    get(server, path)
+                assert b'takes longer than 0.2 s' in late.value.read()
+                late.value.close()
+
+
+@pytest.mark.parametrize(('scene', 'change'), [('street', 'dragon.benches=1000000'),
+                                               ('mixed', 'dragon.groups.1.count=900000')])
+def test_too_many_benches_are_refused_before_a_track_is_built_for_them(monkeypatch, scene, change):
+    variants = Variants(scene, scene, [])
+    monkeypatch.setattr(variants_module, 'load_scene', None)
+    with pytest.raises(InputError, match='a page supports at most 2000 benches; give fewer'):
+        variants.variant(change)
+
+
+def test_a_scene_with_too_many_benches_is_refused_at_the_start(capsys):
+    assert main(['view', '--try', '--set', 'dragon.benches=2001', '--no-browser']) == 2
+    assert 'a page supports at most 2000 benches' in capsys.readouterr().err
 
 
 def test_plain_view_has_none_of_it(server):

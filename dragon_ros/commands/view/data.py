@@ -1,7 +1,7 @@
 """The data of the web view: a description of the run, and frames as plain numbers, in chunks."""
 import threading
-from collections.abc import Iterable
-from functools import cached_property
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ MOST_BENCHES = 2000         # largest number of benches sent as rectangles; othe
 MOST_POINTS = 1500          # largest number of points per line
 _CURVE_BENCHES = 4_000_000   # largest product of benches and points of a clearance curve, for a few seconds of work
 _CHUNK_VALUES = 250_000     # number of values per chunk of frames
+_WAIT_S = 0.1               # interval (s) at which a thread that waits for another one checks whether to go on
 _SEEN = 5                   # number of moments that determine the window
 
 
@@ -32,7 +33,7 @@ class ViewData:
     def __init__(self, source: Source, progress: Progress, times_s: Floats | None = None) -> None:
         """Prepare the data of a source, at its ticks unless other times are given."""
         self._source, self._progress, self._lock = source, progress, threading.Lock()
-        self._touch, self._curve = list[Touch | None](), dict[str, Any]()       # filled when known
+        self._touch, self._curve, self._run = list[Touch | None](), dict[str, Any](), dict[str, Any]()  # when known
         self.times_s = source.ticks_s(*source.span_s, VIEW_TICKS) if times_s is None else times_s
         self._first = moment(source, float(self.times_s[0]))
         benches, handles = len(self._first.benches.centre), len(self._first.p)
@@ -47,12 +48,20 @@ class ViewData:
         """The number of chunks."""
         return -(-len(self.times_s) // self.frames_each)
 
-    @cached_property
-    def run(self) -> dict[str, Any]:
-        """All data that do not depend on time, as JSON values."""
+    def run(self, check: Check = _wanted) -> dict[str, Any]:
+        """Return all data that do not depend on time, as JSON values."""
+        with self._locked(check):
+            if not self._run:
+                self._run = self._described(check)
+            return self._run
+
+    def _described(self, check: Check) -> dict[str, Any]:
         track, first, last = self._source.track, float(self.times_s[0]), float(self.times_s[-1])
         shown = None if track is None else track.astype(np.float32).T.tolist()
-        seen = [moment(self._source, t_s) for t_s in np.linspace(first, last, _SEEN).tolist()]
+        seen = []
+        for t_s in np.linspace(first, last, _SEEN).tolist():
+            check()
+            seen.append(moment(self._source, t_s))
         return {'name': self._source.name, 'benches': len(self._first.benches.centre), 'drawn': self._drawn,
                 'placed': self._placed, 'sizes': _sizes(self._first), 'handles': self._handles.tolist(),
                 'frames_each': self.frames_each, 'times_s': self.times_s.tolist(), 'track': shown,
@@ -61,6 +70,16 @@ class ViewData:
                 'window_m': window(track, seen).tolist(),
                 'length_m': 2 * float(np.median(self._first.benches.half_length)),
                 'width_m': 2 * float(np.median(self._first.benches.half_width))}
+
+    @contextmanager
+    def _locked(self, check: Check) -> Iterator[None]:
+        """Wait until no other thread computes."""
+        while not self._lock.acquire(timeout=_WAIT_S):
+            check()
+        try:
+            yield
+        finally:
+            self._lock.release()
 
     def _watched(self, check: Check) -> Progress:
         """Add a check before each step of the progress."""
@@ -77,14 +96,14 @@ class ViewData:
 
     def contact(self, check: Check = _wanted) -> dict[str, Any] | None:
         """Return the first contact as JSON values, or None if there is none. The search starts at the first call."""
-        with self._lock:
+        with self._locked(check):
             touch = self._first_touch(check)
         return None if touch is None else {'t_s': touch.t_s, 'benches': touch.benches, 'point_m': touch.point_m,
                                            'obstacle': touch.obstacle}
 
     def clearance(self, check: Check = _wanted) -> dict[str, Any]:
         """Return the clearance over time as JSON values."""
-        with self._lock:
+        with self._locked(check):
             if not self._curve:
                 first, last = float(self.times_s[0]), float(self.times_s[-1])
                 points = max(100, min(MOST_POINTS, _CURVE_BENCHES // len(self._first.benches.centre)))
@@ -102,7 +121,7 @@ class ViewData:
         """
         times_s = self.times_s[chunk * self.frames_each:(chunk + 1) * self.frames_each]
         out = np.full((len(times_s), 8 * self._drawn + 2 * self._placed + self._handles.size), np.nan, '<f4')
-        with self._lock:
+        with self._locked(check):
             for one in self._source.moments(times_s):
                 check()
                 out[int(np.argmin(np.abs(times_s - one.t_s)))] = self._row(one)
@@ -110,7 +129,7 @@ class ViewData:
 
     def contact_frame(self, check: Check = _wanted) -> bytes:
         """Return the frame at the contact, which is empty if there is no contact."""
-        with self._lock:
+        with self._locked(check):
             touch = self._first_touch(check)
             return b'' if touch is None else self._row(moment(self._source, touch.t_s)).astype('<f4').tobytes()
 

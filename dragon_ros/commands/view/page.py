@@ -15,7 +15,7 @@ WEB = Path(__file__).with_name('web')
 def write_page(source: Source, times_s: Floats, pace: float, path: Path, progress: Progress) -> Path:
     """Write a page that plays the run at these times; ``pace`` is in simulated seconds per real second."""
     data = ViewData(source, progress, times_s)
-    answers = {'run.json': json.dumps({**data.run, 'pace': pace}).encode(),
+    answers = {'run.json': json.dumps({**data.run(), 'pace': pace}).encode(),
                'contact.json': json.dumps(data.contact()).encode(),
                'clearance.json': json.dumps(data.clearance()).encode(), 'frames/contact': data.contact_frame()}
     answers |= {f'frames/{chunk}': data.frames(chunk) for chunk in range(data.chunks)}

@@ -22,7 +22,7 @@ from dragon_ros.commands.sources import Check
 from dragon_ros.commands.view.data import ViewData
 from dragon_ros.commands.view.page import WEB
 from dragon_ros.commands.view.variants import QUESTIONS, Variants
-from dragon_ros.core.errors import DragonError, MissingError
+from dragon_ros.core.errors import DragonError, InputError, MissingError, ModelEnd
 from dragon_ros.core.limits import VIEW_ANSWER_S, VIEW_CONNECTIONS, VIEW_IDLE_S
 
 HOST = '127.0.0.1'
@@ -35,11 +35,11 @@ _PAGES = {'/': ('index.html', 'text/html; charset=utf-8'), '/view.js': ('view.js
           '/icon.svg': ('icon.svg', 'image/svg+xml')}
 _TRY_PATH = '/try.js'
 _ANSWERS: dict[str, Callable[[ViewData, Check], Any]] = {
-    '/run.json': lambda data, check: data.run, '/contact.json': ViewData.contact,
+    '/run.json': ViewData.run, '/contact.json': ViewData.contact,
     '/clearance.json': ViewData.clearance}
 _ROOM_S = 1.0       # longest wait (s) for a connection to end after it was closed to make room for another
 _CHUNK = re.compile('[0-9]{1,9}')
-_JSON, _BINARY = 'application/json', 'application/octet-stream'
+_JSON, _BINARY, _TEXT = 'application/json', 'application/octet-stream', 'text/plain; charset=utf-8'
 # The page may use only resources of this server; plotly.js adds inline styles.
 _POLICY = ("default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; form-action 'none'; "
            "frame-ancestors 'none'; base-uri 'none'; object-src 'none'")
@@ -64,7 +64,9 @@ class ViewServer(ThreadingHTTPServer):
         """Bind to this host; without ``lang``, the page uses the browser's language."""
         self.shown, self.lang = shown, lang
         self._room = BoundedSemaphore(VIEW_CONNECTIONS)
-        self._waiting, self._lock = dict[socket.socket, None](), Lock()     # idle connections, oldest first
+        self._lock = Lock()
+        # Connections that wait for their client, and others, whose answers are being computed; oldest first.
+        self._waiting, self._working = dict[socket.socket, None](), dict[socket.socket, None]()
         try:
             super().__init__((HOST, port), _Handler)
         except (OSError, OverflowError) as error:
@@ -72,31 +74,37 @@ class ViewServer(ThreadingHTTPServer):
             raise MissingError(f'--port {port}: cannot be used: {reason}; omit it to use any free port') from None
 
     def verify_request(self, request: object, client_address: object) -> bool:
-        """Accept a connection. If there are too many connections, close the one that has been idle longest.
+        """Accept a connection. If there are too many, close the one that has waited longest for its client.
 
-        If no connection is idle, close the new connection immediately.
+        If none waits for its client, close the one whose answer has been computed for the longest time.
         """
         return self._room.acquire(blocking=False) or (self._close_oldest() and self._room.acquire(timeout=_ROOM_S))
 
     def _close_oldest(self) -> bool:
         with self._lock:
-            oldest = next(iter(self._waiting), None)
-            self._waiting.pop(oldest, None)     # type: ignore[arg-type]
+            some = self._waiting or self._working
+            oldest = next(iter(some), None)
+            if oldest is not None:
+                del some[oldest]
         if oldest is not None:
             with suppress(OSError):     # the connection's thread has already ended
                 oldest.shutdown(socket.SHUT_RDWR)
         return oldest is not None
 
     def wait_for(self, connection: socket.socket) -> None:
-        """Register an idle connection."""
-        with self._lock:
-            self._waiting.pop(connection, None)
-            self._waiting[connection] = None
+        """Note that a connection waits for its client to send or to read."""
+        self._note(connection, self._waiting)
 
-    def wait_no_more(self, connection: socket.socket) -> None:
-        """Unregister a connection that has received a request or has ended."""
+    def work_for(self, connection: socket.socket) -> None:
+        """Note that an answer is computed for a connection."""
+        self._note(connection, self._working)
+
+    def _note(self, connection: socket.socket, kind: 'dict[socket.socket, None] | None') -> None:
         with self._lock:
             self._waiting.pop(connection, None)
+            self._working.pop(connection, None)
+            if kind is not None:
+                kind[connection] = None
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
         """Serve a connection, then free its slot."""
@@ -104,7 +112,7 @@ class ViewServer(ThreadingHTTPServer):
         try:
             super().process_request_thread(request, client_address)
         finally:
-            self.wait_no_more(request)
+            self._note(request, None)
             self._room.release()
 
     def handle_error(self, request: object, client_address: object) -> None:
@@ -158,30 +166,40 @@ class _Handler(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Answer the request; if that fails, answer with the error as text."""
-        self.server.wait_no_more(self.connection)
         self.connection.settimeout(VIEW_IDLE_S)
-        if not self._is_for_us():       # prevents DNS rebinding, in which a foreign page uses another host name
-            self.send_error(HTTPStatus.FORBIDDEN, 'this page is available only at 127.0.0.1 and localhost')
-            return
+        self.server.work_for(self.connection)
+        status, body, kind = self._answer()
+        self.server.wait_for(self.connection)
+        self._send(status, body, kind)
+
+    def _answer(self) -> tuple[HTTPStatus, bytes, str]:
+        """Return the answer and its type; if there is none, the reason as text."""
+        if not self._is_for_us():
+            return HTTPStatus.FORBIDDEN, b'this page is available only to itself, at 127.0.0.1 and localhost', _TEXT
         path, _, query = self.path.partition('?')
         try:
             found = self._found(path, query, self._check(time.monotonic() + VIEW_ANSWER_S))
         except _GoneError:
             self.close_connection = True
-            return
+            return HTTPStatus.REQUEST_TIMEOUT, b'', _TEXT
         except DragonError as error:
-            self.send_error(HTTPStatus.INTERNAL_SERVER_ERROR, ' '.join(str(error).split()))
-            return
-        if found is None:
-            self.send_error(HTTPStatus.NOT_FOUND)
-        else:
-            self._send(*found)
+            wrong = isinstance(error, (InputError, ModelEnd))
+            status = HTTPStatus.BAD_REQUEST if wrong else HTTPStatus.INTERNAL_SERVER_ERROR
+            return status, ' '.join(str(error).split()).encode(errors='replace'), _TEXT
+        return (HTTPStatus.NOT_FOUND, b'not found', _TEXT) if found is None else (HTTPStatus.OK, *found)
 
     def _is_for_us(self) -> bool:
+        """Return whether a request is that of the page itself or of the address bar.
+
+        A foreign page may use another host name for this host (DNS rebinding), or this one.
+        """
+        host = self.headers.get('Host', '')
         try:
-            return urlsplit(f'//{self.headers.get("Host", "")}').hostname in (HOST, 'localhost')
+            named = urlsplit(f'//{host}').hostname in (HOST, 'localhost')
         except ValueError:      # an invalid address, such as [
             return False
+        return (named and self.headers.get('Origin', f'http://{host}') == f'http://{host}' and
+                self.headers.get('Sec-Fetch-Site', 'none') in ('none', 'same-origin'))
 
     def _check(self, deadline_s: float) -> Check:
         """Return a check that ends the work on an answer if the page closes the connection or the time is up."""
@@ -218,8 +236,8 @@ class _Handler(BaseHTTPRequestHandler):
             return page.replace(b'</head>', f'<script src="{_TRY_PATH[1:]}" defer></script>\n</head>'.encode())
         return page
 
-    def _send(self, body: bytes, kind: str) -> None:
-        self.send_response(HTTPStatus.OK)
+    def _send(self, status: HTTPStatus, body: bytes, kind: str) -> None:
+        self.send_response(status)
         self.send_header('Content-Type', kind)
         self.send_header('Content-Length', str(len(body)))
         self.end_headers()

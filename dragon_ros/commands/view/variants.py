@@ -26,7 +26,7 @@ _KEPT = 8               # number of cached variants
 _MOST_FIELDS = 60       # the page shows only the first fields of a route with hundreds of pieces
 _CHARACTERS = 32        # maximum length of a value in an address, in characters
 _SECTIONS = ('dragon', 'track', 'head', 'run', 'venue')
-_OMITTED = ('rate_hz',)
+_OMITTED = 'rate_hz', 'stamp_offset_s'
 _CIRCLE_M = 9.0         # default turning circle of ``design min-pitch``
 # The range and the step of a slider, by the last part of a key. A value outside the range widens the range, and the
 # field beside the slider accepts any value.
@@ -106,7 +106,7 @@ class Variants:
     def __init__(self, name: str, scene: str, overrides: list[str]) -> None:
         """Load the scene with this name or file, changed by overrides. Raises InputError."""
         self._name, self._scene, self._overrides = name, scene, overrides
-        self._own = load_scene(scene, overrides)
+        self._own = _within_limits(load_scene(scene, overrides))
         self._made, self._lock = OrderedDict[str, Variant](), threading.Lock()
 
     def form(self, query: str) -> dict[str, Any]:
@@ -142,12 +142,11 @@ class Variants:
         for key, text in parse_qsl(query, keep_blank_values=True):
             if key not in known:
                 raise InputError(f'{key[:_CHARACTERS]}: it is not a value that can be changed in this scene', field=key)
-            changes.append(f'{key}={_number(key, text)}')
-        scene = load_scene(self._scene, [*self._overrides, *changes])
-        if scene.dragon.benches > SEARCHED_BENCHES:
-            raise FieldError('dragon.benches', scene.dragon.benches,
-                             f'a page supports at most {SEARCHED_BENCHES} benches', 'give fewer')
-        return scene
+            value = _number(key, text)
+            if key.endswith(('.benches', '.count')):
+                _check_benches(key, float(value) if value != 'null' else 0.0)       # before a track is built for them
+            changes.append(f'{key}={value}')
+        return _within_limits(load_scene(self._scene, [*self._overrides, *changes]))
 
     def scene_file(self, query: str) -> bytes:
         """Return the scene file of a variant."""
@@ -161,6 +160,16 @@ class Variants:
             return vars(QUESTIONS[question](variant, check))
         except InputError as wrong:
             return vars(Answer('refused', {'text': _plainly(wrong)}))
+
+
+def _within_limits(scene: Scene) -> Scene:
+    _check_benches('dragon.benches', scene.dragon.benches)
+    return scene
+
+
+def _check_benches(key: str, benches: float) -> None:
+    if benches > SEARCHED_BENCHES:
+        raise FieldError(key, benches, f'a page supports at most {SEARCHED_BENCHES} benches', 'give fewer')
 
 
 def fields_of(scene: Scene) -> list[PageValue]:

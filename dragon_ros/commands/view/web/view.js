@@ -28,7 +28,7 @@ const colour = (name) => getComputedStyle(document.documentElement).getPropertyV
 async function get(path) {
   if (window.EMBEDDED) return new Response(Uint8Array.from(atob(window.EMBEDDED[path]), (letter) => letter.charCodeAt(0)));
   const answer = await fetch(path + query, {signal: asking.signal});
-  if (!answer.ok) throw new Error(`${path}: ${answer.status} ${answer.statusText}`);
+  if (!answer.ok) throw new Error(`${path}: ${await answer.text()}`);
   return answer;
 }
 
