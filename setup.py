@@ -38,7 +38,7 @@ setup(
     ],
     # The only name that pip installs in its bin/; colcon puts it beside the executables.
     entry_points={'console_scripts': ['dragon = dragon_ros.__main__:dragon']},
-    python_requires='>=3.10',
+    python_requires='>=3.11',
     # ROS packages come with ROS (or from requirements.txt). ROS packages are not listed here, since that would break an
     # ordinary install.
     install_requires=['argcomplete>=3.1', 'lz4>=4.0', 'matplotlib>=3.6', 'mcap>=1.1', 'numpy>=1.26', 'PyYAML>=6.0',
