@@ -48,11 +48,12 @@ class Parser(argparse.ArgumentParser):
         self.register('type', int, _whole)
         self.register('type', Path, _path)
 
-    def parse_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:
+    def parse_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> Any:
         """Parse the arguments; if the shell requests completions, print them and exit."""
         if '_ARGCOMPLETE' in os.environ:
             from dragon_ros.cli import completion
             completion.answer(self)
+        args = None if args is None else list(args)
         if any('\0' in text for text in args or ()):
             self.error('an argument contains a NUL character; remove it')
         arguments = super().parse_args(args, namespace)
@@ -64,7 +65,7 @@ class Parser(argparse.ArgumentParser):
             _settle_format(self, arguments)
         return arguments
 
-    def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> tuple[Any, list[str]]:
+    def parse_known_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> tuple[Any, list[str]]:
         """Parse the arguments; reject unknown options here, where the error can name the command or subcommand."""
         arguments, unknown = super().parse_known_args(args, namespace)
         if unknown and '_ARGCOMPLETE' not in os.environ:

@@ -20,7 +20,7 @@ OBSTACLE = '#DDD8CE'    # colour of a venue's obstacles and of the area outside 
 
 PAGE_IN, TEXT_PT = 9.1, 9     # a page about 880 pixels wide shows a figure this wide unscaled, with text of this size
 
-_STYLE = {
+_STYLE: dict[Any, Any] = {
     'figure.constrained_layout.use': True, 'figure.constrained_layout.h_pad': 0.1,
     'figure.constrained_layout.w_pad': 0.08, 'font.family': ['DejaVu Sans', 'sans-serif'], 'font.size': 10,
     'axes.titlesize': 11, 'axes.titlelocation': 'left', 'axes.spines.top': False, 'axes.spines.right': False,
@@ -30,7 +30,7 @@ _STYLE = {
     'figure.titlesize': 12, 'hatch.linewidth': 0.5, 'svg.fonttype': 'none', 'pdf.fonttype': 42,
 }
 # The settings that apply while a file is written: text stays text, and a figure without a layout engine gets none.
-_WRITTEN = {**{key: _STYLE[key] for key in ('svg.hashsalt', 'svg.fonttype', 'pdf.fonttype')},
+_WRITTEN: dict[Any, Any] = {**{key: _STYLE[key] for key in ('svg.hashsalt', 'svg.fonttype', 'pdf.fonttype')},
             'figure.autolayout': False, 'figure.constrained_layout.use': False}
 _LONGEST_NAME = 40          # maximum length of a name in a title, in characters
 _CHARACTERS_PER_INCH = 11   # number of characters per inch at the text size of a title
@@ -120,7 +120,7 @@ def style(chinese: bool = False, log_ticks: bool = False) -> Iterator[None]:
     """
     import matplotlib
     # PDF font type 42 does not support the OpenType fonts that most systems have.
-    more: dict[str, Any] = {'font.family': ['DejaVu Sans', _chinese_font()], 'pdf.fonttype': 3} if chinese else {}
+    more: dict[Any, Any] = {'font.family': ['DejaVu Sans', _chinese_font()], 'pdf.fonttype': 3} if chinese else {}
     with matplotlib.rc_context({**_STYLE, **more, 'text.parse_math': log_ticks}):
         yield
 

@@ -188,13 +188,13 @@ def _there(frame: BagFrame, part: Any, name: str) -> Any:
 
 def _whole(archive: zipfile.ZipFile, name: str, values: Array) -> None:
     with archive.open(f'{name}.npy', 'w', force_zip64=True) as entry:
-        np.lib.format.write_array(entry, values, allow_pickle=False)     # type: ignore[no-untyped-call]
+        np.lib.format.write_array(entry, values, allow_pickle=False)
 
 
 def _stacked(archive: zipfile.ZipFile, name: str, rows: int, values: Iterator[bytes], shape: tuple[int, ...]) -> None:
     """Write an array of doubles, of shape (rows, *shape), part by part."""
     with archive.open(f'{name}.npy', 'w', force_zip64=True) as entry:
-        np.lib.format.write_array_header_1_0(       # type: ignore[no-untyped-call]
+        np.lib.format.write_array_header_1_0(
             entry, {'descr': '<f8', 'fortran_order': False, 'shape': (rows, *shape)})
         for value in values:
             entry.write(value)

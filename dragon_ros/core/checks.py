@@ -16,7 +16,8 @@ _KINDS = {type(None): 'empty', str: 'text', bool: 'true or false', float: 'a fra
 def number(field: str, value: Any, *, low: float | None = None, above: float | None = None,
            high: float | None = None) -> float:
     """Return the value as a float (0.0 for -0.0) if it is a finite number within the limits, else raise FieldError."""
-    if isinstance(value, bool) or not isinstance(value, (int, float, Real)):
+    is_number = isinstance(value, (int, float, Real)) and not isinstance(value, bool)
+    if not is_number:
         raise FieldError(field, value, f'it is {_kind(value)}, not a number', _unquoted(value) or 'give a number')
     if not _is_finite(value):
         raise FieldError(field, value, 'it is not finite', 'give a finite number')

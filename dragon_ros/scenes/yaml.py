@@ -148,15 +148,15 @@ class _Loader(yaml.SafeLoader):
 
     def fetch_flow_collection_start(self, kind: Any) -> None:
         self._refuse_deeper_than(self.flow_level)
-        super().fetch_flow_collection_start(kind)  # type: ignore[no-untyped-call]
+        super().fetch_flow_collection_start(kind)
 
     def add_indent(self, column: int) -> bool:
         self._refuse_deeper_than(len(self.indents))
-        return bool(super().add_indent(column))  # type: ignore[no-untyped-call]
+        return bool(super().add_indent(column))
 
     def _refuse_deeper_than(self, depth: int) -> None:
         if depth >= YAML_DEPTH:
-            mark = self.get_mark()  # type: ignore[no-untyped-call]
+            mark = self.get_mark()
             raise yaml.scanner.ScannerError(None, None, f'it is nested more than {YAML_DEPTH} levels deep', mark)
 
 

@@ -86,7 +86,7 @@ class RelativePoses:
         return axis, near
 
 
-def rounding_m(far_m: Floats | float, half_m: float) -> Floats | float:
+def rounding_m(far_m: Floats | float, half_m: Floats | float) -> Floats | float:
     """Return an upper bound on the error of separations and gaps for handles whose coordinates do not exceed ``far_m``.
 
     ``half_m`` is the largest sum of a bench's half length and half width.

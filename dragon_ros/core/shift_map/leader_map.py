@@ -211,9 +211,11 @@ class LeaderMap:
         chains = self._place_many((numbers, nodes[:, 0].ravel(), nodes[:, 1].ravel()))
         shape = len(parts), NODES, -1
         p, v = chains.p.reshape(shape), chains.velocities(-float(self.direction)).reshape(shape)
-        of_handles = [values[:, ::-self.direction].reshape(shape).transpose(0, 2, 1) for values in chains.places]
-        segment, u, lo = (values.reshape(of_handles[0].shape) for values in on_one_segment(
-            self.track, (of_handles[0].ravel(), of_handles[1].ravel(), of_handles[2].ravel())))
+        of_handles: list[Any] = [values[:, ::-self.direction].reshape(shape).transpose(0, 2, 1)
+                                 for values in chains.places]
+        placed: Any = on_one_segment(
+            self.track, (of_handles[0].ravel(), of_handles[1].ravel(), of_handles[2].ravel()))
+        segment, u, lo = (values.reshape(of_handles[0].shape) for values in placed)
         origin = np.stack((u[..., NODES // 2], lo[..., NODES // 2]), axis=1)
         coordinates = ((u - origin[:, 0, :, None]) + (lo - origin[:, 1, :, None])).transpose(0, 2, 1)
         series = [series_of(np.ascontiguousarray(values)) for values in (p, v, coordinates)]

@@ -573,8 +573,7 @@ class SpiralSegment:
         if direction == self.way:
             return self.shifts_outwards(u, chord_m, past)
         chord, ahead = chord_m / self.curve.b_m, _ahead(past)
-        inner = None if ahead is None else u * u - ahead
-        guess = (first_guesses_in(u, chord) if inner is None or np.any(inner <= 0) else
+        guess = (first_guesses_in(u, chord) if ahead is None or np.any((inner := u * u - ahead) <= 0) else
                  ahead / (u + np.sqrt(inner)))
         delta, spent = steps_in(u, chord, guess, self._arc(chord_m))
         return -delta, spent
