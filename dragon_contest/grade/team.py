@@ -325,7 +325,8 @@ def _grade(result: str, sheet: str, times_s: Floats, given: Floats, right: Float
     within = tuple(float(np.mean(error[there] <= bound * (1 + 1e-9))) for bound in BOUNDS)
     return SheetGrade(result, sheet, int(there.sum()), expected, float(np.nanmax(error)), int(handle),
                       float(times_s[row]), within, tuple(why.findings), why.explains,
-                      heat_of(times_s, given, right), lacks=tuple(_lacking(result, times_s, np.asarray(there.all(axis=-1)))))
+                      heat_of(times_s, given, right),
+                      lacks=tuple(_lacking(result, times_s, np.asarray(there.all(axis=-1)))))
 
 
 def _lacking(result: str, times_s: Floats, there: Booleans) -> list[Finding]:
