@@ -81,9 +81,9 @@ def cloud_of(report: Report) -> PointCloud2 | None:
     observation = report.observation
     rows = np.array([(*event.point_m, 0.0, *event.benches, -event.gap_m, event.t_contact_s)
                      for event in report.begins], dtype=CONTACT)
-    places = CONTACT.fields or {}
-    fields = [PointField(name=name, offset=places[name][1], datatype=_DATATYPES[kind], count=1)
-              for name, kind in CONTACT_FIELDS]
+    offsets = np.cumsum([0, *(np.dtype(kind).itemsize for _, kind in CONTACT_FIELDS)]).tolist()
+    fields = [PointField(name=name, offset=offset, datatype=_DATATYPES[kind], count=1)
+              for (name, kind), offset in zip(CONTACT_FIELDS, offsets[:-1], strict=True)]
     return PointCloud2(header=header_of(observation.frame_id, observation.t_ns), height=1, width=len(rows),
                        fields=fields, point_step=CONTACT.itemsize, row_step=CONTACT.itemsize * len(rows),
                        data=rows.tobytes(), is_dense=True)
