@@ -121,7 +121,7 @@ def _topics(contents: Contents, run: Any) -> list[dict[str, Any]]:
     out = []
     for name, seen in contents.topics.items():
         channel = channel_of(name)
-        gaps = gaps_of(seen.times_ns, run, channel is None or channel.each_tick)
+        gaps = gaps_of(seen.times_ns, run, channel is not None and channel.each_tick)
         out.append({'topic': name, 'type': seen.type, 'messages': seen.messages, 'bytes': seen.size,
                     'rate_hz': gaps.rate_hz, 'first_tick': gaps.first, 'last_tick': gaps.last,
                     'missing': gaps.missing, 'doubled': gaps.doubled, 'missing_ranges': gaps.ranges,

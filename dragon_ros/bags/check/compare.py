@@ -287,7 +287,7 @@ class _PartOfRun:
         if not log_times_are_ticks(self._bag, self._namespace):
             return [(0, self._ticks)]
         messages = sum(topic.messages for topic in self._bag.topics)
-        size = max(1, _PART_BYTES // self._tick_bytes, ceil(self._ticks / (messages + 1)))
+        size = max(1, _PART_BYTES // max(1, self._tick_bytes), ceil(self._ticks / (messages + 1)))
         return [(k, min(k + size, self._ticks)) for k in range(0, self._ticks, size)] or [(0, 0)]
 
     def __call__(self, span: _Span) -> Comparison:
