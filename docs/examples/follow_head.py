@@ -1,5 +1,5 @@
 """A robot that follows a dragon's head at a distance of 2 m and publishes its pose (PoseStamped) on `follower`."""
-import contextlib
+import signal
 from math import atan2, cos, hypot, sin
 
 import rclpy
@@ -36,8 +36,9 @@ class Follower(Node):
         self.out.publish(pose)
 
 
-rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C takes effect between two callbacks
-with contextlib.suppress(KeyboardInterrupt):
-    node = Follower()
-    while True:
-        rclpy.spin_once(node, timeout_sec=0.1)
+stop = list[int]()
+signal.signal(signal.SIGINT, lambda number, _: stop.append(number))     # Ctrl-C takes effect between two callbacks
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+node = Follower()
+while not stop:
+    rclpy.spin_once(node, timeout_sec=0.1)

@@ -1,5 +1,5 @@
 """Lead the dragon of `./dragon sim --scene led`: forwards for ten seconds, backwards for five, repeatedly."""
-import contextlib
+import signal
 import time
 
 import rclpy
@@ -7,7 +7,9 @@ from geometry_msgs.msg import TwistStamped
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C takes effect between two callbacks
+stop = list[int]()
+signal.signal(signal.SIGINT, lambda number, _: stop.append(number))     # Ctrl-C takes effect between two callbacks
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
 node = Node('lead', namespace='/dragon')
 commands = node.create_publisher(TwistStamped, 'cmd_vel', 10)
 began = time.monotonic()
@@ -22,6 +24,5 @@ def command() -> None:
 
 
 node.create_timer(0.1, command)
-with contextlib.suppress(KeyboardInterrupt):
-    while True:
-        rclpy.spin_once(node, timeout_sec=0.1)
+while not stop:
+    rclpy.spin_once(node, timeout_sec=0.1)

@@ -2,7 +2,7 @@
 
 Publish the handles on /mine/handles, then start this program and `./dragon monitor --ros-args -r __ns:=/mine`.
 """
-import contextlib
+import signal
 
 import rclpy
 from geometry_msgs.msg import PoseArray
@@ -13,12 +13,13 @@ from visualization_msgs.msg import MarkerArray
 
 from dragon_ros.messages.observation import BenchesFromHandles
 
-rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C takes effect between two callbacks
+stop = list[int]()
+signal.signal(signal.SIGINT, lambda number, _: stop.append(number))     # Ctrl-C takes effect between two callbacks
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
 node = Node('my_dragon', namespace='/mine')
 builder = BenchesFromHandles(width_m=0.3, hole_inset_m=0.275)
 benches = node.create_publisher(MarkerArray, 'benches', QoSProfile(depth=1000))
 node.create_subscription(PoseArray, 'handles', lambda data: benches.publish(builder.encode(data)),
                          QoSProfile(depth=1000), raw=True)
-with contextlib.suppress(KeyboardInterrupt):
-    while True:
-        rclpy.spin_once(node, timeout_sec=0.1)
+while not stop:
+    rclpy.spin_once(node, timeout_sec=0.1)

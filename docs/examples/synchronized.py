@@ -1,5 +1,5 @@
 """Pair the handles and benches of each tick: print how far the first bench's centre is from its handles' midpoint."""
-import contextlib
+import signal
 
 import rclpy
 from geometry_msgs.msg import PoseArray
@@ -41,8 +41,9 @@ class Pairs(Node):
         print(f'{stamp.sec + 1e-9 * stamp.nanosec:.2f} s: {off ** 0.5:.1e} m', flush=True)
 
 
-rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C takes effect between two callbacks
-with contextlib.suppress(KeyboardInterrupt):
-    node = Pairs()
-    while True:
-        rclpy.spin_once(node, timeout_sec=0.1)
+stop = list[int]()
+signal.signal(signal.SIGINT, lambda number, _: stop.append(number))     # Ctrl-C takes effect between two callbacks
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+node = Pairs()
+while not stop:
+    rclpy.spin_once(node, timeout_sec=0.1)

@@ -110,6 +110,32 @@ def test_the_consumer_of_two_topics_pairs_the_messages_of_a_tick(example, start)
     quiet_end(child)
 
 
+def test_the_checker_of_the_chain_finds_the_lengths_of_the_links(example, start):
+    child = example('chain_error.py')
+    sim = start('sim', '--scene', 'first_contact', '--set', 'run.stop_s=402.5', '--ros-args', '-p',
+                'wait_subscribers:=[handles=1]')
+    lines = [child.stdout.readline() for _ in range(3)]
+    assert sim.end() == 0, sim.text
+    assert [line.split(' s: ')[0] for line in lines] == ['400', '401', '402']
+    assert all(float(line.split()[2]) < 1e-12 for line in lines)
+    quiet_end(child)
+
+
+def test_the_checker_of_joints_finds_each_bench_where_sim_has_it(example, start):
+    child = example('joint_check.py')
+    sim = start('sim', *SHORT, '--set', 'effects=[benches, joints]', '--ros-args', '-p', 'robot_description:=true',
+                '-p', 'wait_subscribers:=[joint_states=1,benches=1,robot_description=1]')
+    lines = [child.stdout.readline() for _ in range(15)]
+    assert sim.end() == 0, sim.text
+    assert all(float(line.split()[2]) < 1e-9 for line in lines), lines
+    quiet_end(child)
+
+
+@pytest.mark.parametrize('name', ['chain_error.py', 'joint_check.py', 'lead.py'])
+def test_the_three_small_nodes_have_at_most_forty_lines(name):
+    assert len((EXAMPLES / name).read_text().splitlines()) <= 40
+
+
 def test_the_leader_leads_a_dragon(example, start, node):
     from nav_msgs.msg import Odometry
     speeds = []
