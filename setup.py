@@ -24,7 +24,7 @@ setup(
     license='Apache-2.0',
     maintainer='dragon_ros maintainers',
     maintainer_email='maintainers@dragon-ros.example.org',
-    packages=find_packages(include=[NAME, f'{NAME}.*', 'dragon_contest', 'dragon_contest.*']),
+    packages=find_packages(include=[NAME, f'{NAME}.*', 'dragon_contest', 'dragon_contest.*', 'dragon_studies']),
     package_data={NAME: ['py.typed'], f'{NAME}.commands.view': ['web/*'],
                   'dragon_contest.grade': ['report.css']},
     # Executables are data files: `ros2 run` searches lib/dragon_ros, and names such as `sim` must never be installed in
@@ -46,8 +46,8 @@ setup(
     extras_require={'maps': ['pyproj>=3.6'], 'parquet': ['pyarrow>=15'],
                     'svg': ['svgelements>=1.9.6'], 'xlsx': ['openpyxl>=3.1.5'],
                     'grade': ['openpyxl>=3.1.5', 'python-calamine>=0.4'], 'verify': ['python-flint>=0.6'],
-                    'study': ['cryptography>=42', 'dask>=2026.8', 'distributed>=2026.8', 'pyarrow>=15', 'scipy>=1.15',
-                              'tornado>=6.4'],
+                    'study': ['pyarrow>=15', 'scipy>=1.15'],
+                    'cluster': ['dask>=2026.8', 'distributed>=2026.8', 'pyarrow>=15', 'scipy>=1.15'],
                     'test': ['hypothesis', 'jsonschema>=4.10', 'mpmath>=1.2', 'pytest>=7.4', 'pytest-xdist>=3.4']},
     zip_safe=False,
 )

@@ -42,7 +42,7 @@ def main(argv: list[str]) -> int:
                          'scale: growth of each stage, and rates sustained over DDS; '
                          'bag: throughput and size of bags by compression; simulate: speed by the number of workers; '
                          'memory: memory of a recorder in a long run; startup: start-up time of every executable; '
-                         'study: rows per second of studies on Dask; venue: design fit and contact in a town; all: '
+                         'study: rows per second of studies; venue: design fit and contact in a town; all: '
                          'all pages one after another, but promises only with --chains')
     options.add_argument('--resume', action='store_true', help='with all: omit the pages that were already '
                          'measured today with this version')

@@ -1,4 +1,4 @@
-"""``cost study``: rows per second of studies on one and two workers, and Dask's overhead per row."""
+"""``cost study``: rows per second of studies on one and two workers, and the overhead per row."""
 import resource
 import time
 from dataclasses import dataclass
@@ -6,19 +6,19 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from threading import Event
 
-from distributed import Client
 from matplotlib.figure import Figure
 
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.figures import LINES, PAGE_IN, TEXT_PT
 from dragon_ros.cli.progress import Progress
 from dragon_ros.core.scene import Scene
+from dragon_ros.core.words import counted
 from dragon_ros.cost.measure import circumstances
-from dragon_ros.studies.cluster import local_client, run
-from dragon_ros.studies.dataset import writing
-from dragon_ros.studies.questions import FirstContactQuestion, LockQuestion, Question
-from dragon_ros.studies.rows import rows_of
-from dragon_ros.studies.study import Study, Uniform
+from dragon_studies.dataset import writing
+from dragon_studies.definition import Study, Uniform
+from dragon_studies.questions import FirstContactQuestion, LockQuestion, Question
+from dragon_studies.rows import rows_of
+from dragon_studies.run import complete
 
 WORKERS = (1, 2)
 CORES = (2, 64, 1000)       # extrapolated
@@ -32,10 +32,10 @@ TASKS: dict[str, Question] = {'first contact of the classic dragon': FirstContac
 
 @dataclass(frozen=True)
 class Row:
-    """A study on a number of workers; 0 is this process without Dask.
+    """A study on a number of workers; 0 is this process without a data set.
 
-    ``work_s`` is the CPU time (s) of the rows themselves, and ``cpu_s`` is that of all processes together: workers,
-    scheduler, and the client, which writes the rows. ``memory_mb`` is the largest resident memory of any worker.
+    ``work_s`` is the CPU time (s) of the rows themselves, and ``cpu_s`` is that of all processes together: workers, and
+    this process, which writes the rows. ``memory_mb`` is the largest resident memory of any worker.
     """
 
     task: str
@@ -58,12 +58,12 @@ class Row:
 
     @property
     def overhead_s(self) -> float:
-        """The CPU time per row, in seconds, for Dask, for Parquet and for drawing the inputs."""
+        """The CPU time per row, in seconds, for processes, for Parquet and for drawing the inputs."""
         return (self.cpu_s - self.work_s) / self.rows
 
 
 def measure(budget_s: float = 0.3) -> list[Row]:
-    """Measure each study with each number of workers for about a hundred timing budgets; workers start beforehand."""
+    """Measure each study with each number of workers for about a hundred timing budgets."""
     jobs = [(name, workers) for name in TASKS for workers in (0, *WORKERS)]
     return [_timed(name, workers, _BUDGETS * budget_s) for name, workers in
             Progress('cost study', 'parts', len(jobs))(jobs)]
@@ -80,7 +80,7 @@ def _timed(name: str, workers: int, budget_s: float) -> Row:
         rows_of(_study(name, _PAPER_ROWS), [_WARM + probed])
         probed += 1
     rows = max(_WARM, int(budget_s * max(1, workers) * probed / spent_s))
-    return _on_dask(name, workers, rows) if workers else _alone(name, rows)
+    return _on_workers(name, workers, rows) if workers else _alone(name, rows)
 
 
 def _alone(name: str, rows: int) -> Row:
@@ -90,31 +90,24 @@ def _alone(name: str, rows: int) -> Row:
     return Row(name, 0, rows, wall_s, sum(row['cpu_s'] for row in found), cpu_s, _most_mb())
 
 
-def _on_dask(name: str, workers: int, rows: int) -> Row:
-    """Time a study on workers that have already computed some rows, so that their start-up is excluded."""
-    with TemporaryDirectory() as folder, local_client(workers) as client:
-        client.wait_for_workers(workers)
-        _complete(client, Path(folder) / 'warm', _study(name, _WARM * workers))
-        start, cpu = time.perf_counter(), _cpu_s(client)
-        work_s = _complete(client, Path(folder) / 'timed', _study(name, rows))
-        wall_s, cpu_s = time.perf_counter() - start, _cpu_s(client) - cpu
-        return Row(name, workers, rows, wall_s, work_s, cpu_s, max(client.run(_most_mb).values()))
+def _on_workers(name: str, workers: int, rows: int) -> Row:
+    with TemporaryDirectory() as folder, writing(Path(folder), _study(name, rows)) as data:
+        start, cpu = time.perf_counter(), _cpu_s()
+        complete(data, Event(), lambda progress: None, workers)
+        wall_s, cpu_s = time.perf_counter() - start, _cpu_s() - cpu
+        work_s = float(sum(data.table(['cpu_s']).column('cpu_s').to_pylist()))
+        who = resource.RUSAGE_SELF if workers == 1 else resource.RUSAGE_CHILDREN
+        return Row(name, workers, rows, wall_s, work_s, cpu_s, _most_mb(who))
 
 
-def _complete(client: Client, folder: Path, study: Study) -> float:
-    """Compute a study; return the CPU time of its rows in seconds."""
-    with writing(folder, study) as data:
-        run(data, client, Event(), lambda progress: None)
-        return float(sum(data.table(['cpu_s']).column('cpu_s').to_pylist()))
+def _cpu_s() -> float:
+    """Return the CPU time of this process and its ended workers so far, in seconds."""
+    spent = [resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)]
+    return sum(one.ru_utime + one.ru_stime for one in spent)
 
 
-def _cpu_s(client: Client) -> float:
-    """Return the CPU time of all processes so far, in seconds; the scheduler runs in this process."""
-    return time.process_time() + float(sum(client.run(time.process_time).values()))
-
-
-def _most_mb() -> float:
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+def _most_mb(who: int = resource.RUSAGE_SELF) -> float:
+    return resource.getrusage(who).ru_maxrss * 1024 / 1e6
 
 
 def table(rows: list[Row]) -> str:
@@ -156,7 +149,7 @@ def picture(rows: list[Row]) -> Figure:
     figure = Figure(figsize=(PAGE_IN, 4.4), layout='constrained')
     for axes, name in zip(figure.subplots(1, len(TASKS)), TASKS, strict=True):
         own = [row for row in rows if row.task == name]
-        labels = [f'{row.workers} on Dask' if row.workers else 'no Dask' for row in own]
+        labels = [counted(row.workers, 'worker') if row.workers else 'rows only' for row in own]
         axes.bar(labels, [row.rate for row in own], color=[LINES[0] if row.workers else '#999999' for row in own])
         axes.set(ylabel='rows per second', title=name)
     figure.supxlabel(circumstances(), fontsize=TEXT_PT)

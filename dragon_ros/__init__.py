@@ -17,19 +17,17 @@ if TYPE_CHECKING:
         ModelEnd,
         Motion,
         NoContact,
-        Rows,
         Simulated,
         compile,  # noqa: A004
         design,
         plot,
         read_bag,
         scene,
-        study,
     )
     from dragon_ros.version import __version__ as __version__
 
 __all__ = ['Bag', 'Contact', 'DragonError', 'FieldError', 'InputError', 'MissingError', 'ModelEnd', 'Motion',
-           'NoContact', 'Rows', 'Simulated', 'compile', 'design', 'plot', 'read_bag', 'scene', 'study']
+           'NoContact', 'Simulated', 'compile', 'design', 'plot', 'read_bag', 'scene']
 
 
 def __getattr__(name: str) -> Any:

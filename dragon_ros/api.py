@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike, fspath
 from pathlib import Path
-from threading import Event
 from types import NoneType, TracebackType
 from typing import TYPE_CHECKING, Any
 
@@ -43,7 +42,7 @@ if TYPE_CHECKING:
 
 Progress = Callable[[int], object]
 __all__ = ['Bag', 'Contact', 'DragonError', 'FieldError', 'InputError', 'MissingError', 'ModelEnd', 'Motion',
-           'NoContact', 'Rows', 'Simulated', 'compile', 'design', 'plot', 'read_bag', 'scene', 'study']
+           'NoContact', 'Simulated', 'compile', 'design', 'plot', 'read_bag', 'scene']
 _DPI = 72       # width of a scene's picture in Jupyter
 
 
@@ -387,54 +386,6 @@ class Design:
 
 
 design = Design()
-
-
-@dataclass(frozen=True, eq=False)
-class Rows:
-    """The rows of a study, and their folder; ``table`` is a pyarrow.Table with one row per index."""
-
-    folder: Path
-    table: Any
-
-    def __len__(self) -> int:
-        """Return the number of rows."""
-        return len(self.table)
-
-    def __getitem__(self, column: str) -> Floats:
-        """Return a numeric column as an array of shape (rows,), with nan for empty cells."""
-        from dragon_ros.studies.answers import numbers
-        return read_only(numbers(self.table, column).copy())
-
-    def frame(self) -> Any:
-        """Return a pandas DataFrame. Raises MissingError if pandas is not installed."""
-        try:
-            return self.table.to_pandas()
-        except ImportError:
-            raise MissingError('frame: pandas is not installed: pip install pandas') from None
-
-
-def study(name_or_path: str | PathLike[str], output: str | PathLike[str] | None = None, samples: int | None = None,
-          workers: int | None = None, scheduler: str | None = None) -> Rows:
-    """Compute the missing rows of a study (a name or a file) in the folder ``output``, and return all its rows.
-
-    ``name_or_path`` can also be the folder of a data set. Rows are computed by processes on this machine, one per core,
-    or by a Dask cluster (``docs/studies.md``). In a script, put the call below ``if __name__ == '__main__':``. Raises
-    InputError for an invalid study, and MissingError if Dask is not installed.
-    """
-    try:
-        from dragon_ros.studies.cluster import complete
-        from dragon_ros.studies.dataset import DataSet, open_set, writing
-        from dragon_ros.studies.study import load_study
-    except ImportError as error:
-        raise MissingError(f"{error.name}: it is not installed: pip install 'dragon_ros[study]'") from None
-    path = Path(_path('name_or_path', name_or_path))
-    if output is None and not path.is_dir():
-        raise InputError('output: it is missing; give the folder for the rows', field='output')
-    known = open_set(path) if output is None else DataSet(Path(output), load_study(fspath(name_or_path)))
-    wanted = known.study if samples is None else known.study.with_samples(samples)
-    with writing(known.folder, wanted) as data:
-        complete(data, Event(), lambda progress: None, workers, scheduler)
-    return Rows(data.folder, data.table())
 
 
 def _draw_in_jupyter() -> None:

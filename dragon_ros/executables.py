@@ -32,7 +32,6 @@ EXECUTABLES = {
     'design': Executable('dragon_ros.commands.design', 'answer design questions: turn, speed, pitch, room'),
     'plan': Executable(_COMMANDS, 'draw a scene to scale for printing: swept area, gaps and times', 'plan'),
     'route': Executable(_COMMANDS, 'make a scene whose track follows a drawing', 'route'),
-    'study': Executable('dragon_ros.commands.study', 'run a parameter study over thousands or millions of scenes'),
     'cost': Executable('dragon_ros.cost.command', 'measure the cost of accuracy, effects, contact and bags'),
     'demo': Executable(_COMMANDS, 'run everything once: sim, monitor, bag, replay, picture', 'demo'),
     **{name: Executable(*guest) for name, guest in installed().items() if ' ' not in name},

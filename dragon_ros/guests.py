@@ -16,6 +16,7 @@ class Guest(NamedTuple):
 
 # A name with an option is an option of that command; its module has a function ``run(arguments)`` instead.
 GUESTS = {
+    'study': Guest('dragon_studies.command', 'run a parameter study over thousands or millions of scenes'),
     'grade': Guest('dragon_contest.grade.command', 'grade contest results and diagnose common mistakes'),
     'table --paper': Guest('dragon_contest.table', "the paper's three tables: printed, reproduced and true values, and "
                            'errors (incompatible with scene options)'),

@@ -6,7 +6,7 @@ PYTHONPATH=. python msg_configs/make_scene_schema.py
 from pathlib import Path
 
 from dragon_ros.scenes.schema import text as of_scenes
-from dragon_ros.studies.schema import text as of_studies
+from dragon_studies.schema import text as of_studies
 
 if __name__ == '__main__':
     for name, text in (('scene', of_scenes()), ('study', of_studies())):

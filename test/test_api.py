@@ -154,7 +154,7 @@ MISUSES = {
     'dr.design.fit(run, within_m=-1)': 'within_m: -1', 'dr.design.max_speed(3)': 'scene: 3',
     "dr.design.min_pitch('x')": "dragon: 'x'", "dr.design.min_pitch(diameter_m='a')": 'diameter_m: ',
     "dr.design.min_pitch(dr.scene('street'))": 'dragon: ',
-    'dr.design.turn(run)': 'track.kind: ', "dr.study('pitch_map')": 'output: ', 'dr.study(3)': 'name_or_path: 3'}
+    'dr.design.turn(run)': 'track.kind: '}
 
 
 @pytest.mark.parametrize('call', MISUSES)

@@ -22,10 +22,11 @@ PACKAGE = ROOT / 'dragon_ros'
 # Each room and the rooms that it may import besides itself; rooms that do not exist yet are skipped.
 BELOW_NODES = ('core', 'version', 'configuration', 'guests', 'scenes', 'messages', 'bags', 'cli')
 # Packages beside it, and their libraries.
-GUESTS = {'dragon_contest': {'numpy', 'openpyxl', 'python_calamine', 'PIL'}}
+GUESTS = {'dragon_contest': {'numpy', 'openpyxl', 'python_calamine', 'PIL'},
+          'dragon_studies': {'numpy', 'scipy', 'yaml', 'pyarrow', 'matplotlib', 'distributed'}}
 ROOMS = {**{room: BELOW_NODES[:rank] for rank, room in enumerate(BELOW_NODES)},
-         'studies': BELOW_NODES, 'commands': (*BELOW_NODES, 'studies'), 'nodes': BELOW_NODES,
-         'cost': BELOW_NODES, 'api': (*BELOW_NODES, 'commands', 'studies'), 'verify': ()}
+         'commands': BELOW_NODES, 'nodes': BELOW_NODES, 'cost': BELOW_NODES, 'api': (*BELOW_NODES, 'commands'),
+         'verify': ()}
 STARTS = {'commands': {'verify', 'nodes.one_path'}}     # these modules are started as processes
 # The rooms and single modules of the core, and the parts of the core that each may import besides itself.
 VALUES = ('errors', 'checks', 'flags', 'words')
@@ -46,8 +47,7 @@ LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': se
              'bags': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4'},
              'cli': {'argcomplete', 'matplotlib', 'openpyxl', 'tqdm'},
              'commands': {'numpy', 'matplotlib', 'PIL', 'tqdm', 'pyarrow', 'openpyxl', 'python_calamine', 'shapely'},
-             'studies': {'numpy', 'scipy', 'yaml', 'pyarrow', 'dask', 'distributed', 'tornado'}, 'verify': {'flint'},
-             'cost': {'numpy', 'matplotlib'}}
+             'verify': {'flint'}, 'cost': {'numpy', 'matplotlib'}}
 # Folders that exist only in a checkout, and the other folders that each of them may import.
 BESIDE = {'hard_cases': {'hard_cases'}, 'benchmarks': {'benchmarks', 'hard_cases'}}
 
@@ -220,8 +220,8 @@ def test_a_planted_upward_import_inside_the_core_is_found(tmp_path, room, other)
 
 @pytest.mark.parametrize(('room', 'other'), [
     ('core', 'scenes.load'), ('scenes', 'messages.cdr'), ('messages', 'bags.read.reader'), ('bags', 'cli.figures'),
-    ('cli', 'commands.table'), ('commands', 'nodes.sim'), ('nodes', 'commands.table'), ('nodes', 'studies.study'),
-    ('studies', 'commands.study'), ('cost', 'nodes.sim'), ('verify', 'core.errors'), ('api', 'nodes.sim')])
+    ('cli', 'commands.table'), ('commands', 'nodes.sim'), ('nodes', 'commands.table'),
+    ('cost', 'nodes.sim'), ('verify', 'core.errors'), ('api', 'nodes.sim')])
 def test_a_planted_upward_import_is_found(tmp_path, room, other):
     assert not_found(tmp_path, other, lambda path: upward(room, path)) == []
 

@@ -61,7 +61,7 @@ SUBSTITUTES = {
         'simulate --scene first_contact --set run.start_s=404 --set run.stop_s=406 --output run.mcap', 'a shorter run'),
     './dragon contact --near-misses': ('contact --scene first_contact --near-misses 0.01 --certificate proof.json',
                                        'a shorter run, whose certificate takes less time to check'),
-    './dragon study pitch_map --output': ('study --help', 'takes minutes; test/commands/test_study_command.py runs '
+    './dragon study pitch_map --output': ('study --help', 'takes minutes; test/studies/test_study_command.py runs '
                                           'smaller ones'),
     './dragon study widths.yaml': ('study --help', 'starts workers; the program that follows runs this study'),
     './dragon study tolerances': ('study --help', 'takes hours; test/studies runs smaller ones'),
@@ -285,7 +285,8 @@ def headings(path):
 
 def test_every_module_that_a_document_names_exists():
     """A name such as `geometry/near_pairs.py` may omit the folders above it."""
-    folders = ('benchmarks', 'docs', 'dragon_contest', 'dragon_ros', 'hard_cases', 'launch', 'msg_configs', 'test')
+    folders = ('benchmarks', 'docs', 'dragon_contest', 'dragon_ros', 'dragon_studies', 'hard_cases', 'launch',
+               'msg_configs', 'test')
     files = ['setup.py', *(path.relative_to(ROOT).as_posix() for folder in folders
                            for path in (ROOT / folder).rglob('*.py'))]
     ends = {name.split('/', n)[-1] for name in files for n in range(name.count('/') + 1)}

@@ -9,7 +9,8 @@ import pytest
 ROOT = Path(__file__).parents[1]
 APACHE_2 = 'cfc7749b96f63bd31c3c42b5c471bf756814053e847c10f3eb003417bc523d30'     # digest of the published text
 CLAIMS = b'copyright', b'spdx', b'licence'
-FOLDERS = ('dragon_ros', 'dragon_contest', 'benchmarks', 'hard_cases', 'launch', 'msg_configs', 'scripts', 'test')
+FOLDERS = ('dragon_ros', 'dragon_contest', 'dragon_studies', 'benchmarks', 'hard_cases', 'launch', 'msg_configs',
+           'scripts', 'test')
 SOURCES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob('*')
                  if path.suffix == '.py' or path.parent.name == 'scripts')
 

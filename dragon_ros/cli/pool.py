@@ -27,6 +27,10 @@ R = TypeVar('R')
 _pickled: bytes
 
 
+class WorkerKilledError(DragonError):
+    """A worker process was killed, so the results of its jobs are lost."""
+
+
 def workers_of(given: int | None) -> int:
     """Return the number of processes: ``--workers`` or, if that is None, one per core available to this process."""
     if given is not None:
@@ -56,7 +60,7 @@ class Pool:
         """Yield ``work(job)`` for each job, in order.
 
         The workers receive a pickled copy of ``work``. At most ``4 * workers`` results wait for the results of earlier
-        jobs, which bounds the memory use. Raises DragonError if a worker is killed.
+        jobs, which bounds the memory use. Raises WorkerKilledError.
         """
         rest, began_s = iter(jobs), time.monotonic()
         for job in rest if self.workers == 1 or self.given is None else ():
@@ -91,7 +95,7 @@ def _shared(work: Callable[[J], R], rest: Iterable[J], workers: int) -> Generato
             while waiting:
                 yield _read(waiting.popleft().result())
         except BrokenProcessPool:
-            raise DragonError('one of the worker processes was killed, perhaps because memory ran out; reduce '
+            raise WorkerKilledError('one of the worker processes was killed, perhaps because memory ran out; reduce '
                               '--workers') from None
         finally:
             pool.shutdown(cancel_futures=True)

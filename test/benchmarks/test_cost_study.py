@@ -1,18 +1,17 @@
 """The figures on the page ``cost study`` follow from the measurements."""
 import csv
 import io
-from importlib.util import find_spec
 
 import pytest
 
 from benchmarks.command import write
 
-pytestmark = pytest.mark.skipif(not find_spec('distributed'), reason='distributed is not installed')
+pytest.importorskip('pyarrow')
 
 
 @pytest.fixture(scope='module')
 def study():
-    """The module under test, imported only by the first test that needs it because Dask is slow to import."""
+    """The module under test, imported only by the first test that needs it."""
     from benchmarks import study
     return study
 
@@ -41,8 +40,8 @@ def test_the_page_shows_each_row_and_a_million_on_paper(rows, tmp_path):
 
 
 @pytest.mark.long
-def test_a_study_is_measured_without_dask_and_on_a_worker(study):
-    alone, one = study._alone('its lock', 3), study._on_dask('its lock', 1, 8)
-    assert (alone.rows, one.rows, one.workers) == (3, 8, 1)
+def test_a_study_is_measured_with_rows_only_and_on_workers(study):
+    alone, one = study._alone('its lock', 3), study._on_workers('its lock', 2, 8)
+    assert (alone.rows, one.rows, one.workers) == (3, 8, 2)
     assert one.cpu_s > one.work_s > 0
     assert one.memory_mb > 10

@@ -270,7 +270,7 @@ NEEDS = {
     # This command imports shapely to mark overlaps.
     'plot dragon --set dragon.benches=3 --output OUT.png': ('numpy numpy.ma yaml shapely matplotlib subprocess', ''),
 }
-ROOMS = {'messages', 'core.enclosures', 'core.search', 'core.effects', 'nodes', 'studies'}
+ROOMS = {'messages', 'core.enclosures', 'core.search', 'core.effects', 'nodes'}
 HEAVY = {'numpy', 'numpy.ma', 'yaml', 'mcap', 'zstandard', 'lz4', 'shapely', 'matplotlib', 'scipy', 'pyarrow', 'dask',
          'tqdm', 'openpyxl', 'argcomplete', 'rclpy', 'flint', 'subprocess', 'asyncio', 'email', 'importlib.metadata'}
 

@@ -176,8 +176,8 @@ def override(folder: Path) -> Target:
 
 def study(folder: Path) -> Target:
     """Study files, like those in a data set."""
-    from dragon_ros.studies.sampling import scene_values_of, values_of
-    from dragon_ros.studies.study import load_study, study_from, study_names
+    from dragon_studies.definition import load_study, study_from, study_names
+    from dragon_studies.sampling import scene_values_of, values_of
 
     def run(data: bytes) -> None:
         with suppress(DragonError):

@@ -13,7 +13,7 @@ from slow_study import QUICK
 def study():
     """A function that reads a study from a string."""
     from dragon_ros.scenes.yaml import parse_document
-    from dragon_ros.studies.study import study_of
+    from dragon_studies.definition import study_of
 
     def read(text=QUICK):
         return study_of(parse_document('f.yaml', text), Path())

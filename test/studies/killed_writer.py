@@ -12,9 +12,9 @@ import pyarrow.dataset  # noqa: F401 - else every child process would import it
 from slow_study import QUICK
 
 from dragon_ros.scenes.yaml import parse_document
-from dragon_ros.studies import dataset
-from dragon_ros.studies.rows import rows_of
-from dragon_ros.studies.study import study_of
+from dragon_studies import dataset
+from dragon_studies.definition import study_of
+from dragon_studies.rows import rows_of
 
 _CHANGES = ('os.rename', 'os.remove', 'os.mkdir')
 

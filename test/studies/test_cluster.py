@@ -1,4 +1,4 @@
-"""Studies on a real Dask scheduler and workers on loopback, which are killed, interrupted or run out of disk space.
+"""Studies on local workers, and on a real Dask cluster, which are killed, interrupted or run out of disk space.
 
 Each study ends with the same data set as an uninterrupted run, which this process computes on its own.
 """
@@ -8,7 +8,6 @@ import signal
 import subprocess
 import sys
 from contextlib import ExitStack, contextmanager, suppress
-from importlib.util import find_spec
 from itertools import pairwise
 from pathlib import Path
 from threading import Event
@@ -18,17 +17,16 @@ from slow_study import SLOWER
 from small_disk import small_disk
 
 from dragon_ros.core.errors import DiskError, DragonError, InputError, MissingError
-from dragon_ros.studies.dataset import open_set, writing
-from dragon_ros.studies.rows import rows_of
+from dragon_studies.dataset import open_set, writing
+from dragon_studies.rows import rows_of
 
 psutil = pytest.importorskip('psutil')
-pytestmark = pytest.mark.skipif(not find_spec('distributed'), reason='distributed is not installed')
 ROOT = Path(__file__).parents[2]
 LONGEST_S = 120
 # One row kills its worker, as the system does when it runs out of memory.
 DEADLY = """
 import os, signal
-from dragon_ros.studies.questions import QUESTIONS
+from dragon_studies.questions import QUESTIONS
 answer = QUESTIONS['lock'].answer
 def deadly(self, asked):
     if asked.scene.dragon.width_m == 0.25:
@@ -61,6 +59,7 @@ def wait_for_workers(file, count, **options):
 @contextmanager
 def dask_cluster(folder, *options, count=1, scheduler=(), **environment):
     """Start a scheduler and workers on this host; yield the scheduler file and both processes."""
+    pytest.importorskip('distributed')
     file = folder / 'scheduler.json'
     alone = ('--host', '127.0.0.1', '--no-dashboard', '--dashboard-address', '127.0.0.1:0')
     with started('scheduler', *alone, '--port', 0, '--scheduler-file', file, *scheduler, **environment) as one, \
@@ -72,9 +71,9 @@ def dask_cluster(folder, *options, count=1, scheduler=(), **environment):
 
 @pytest.fixture(scope='module')
 def cluster():
-    """The module under test, imported only by the first test that needs it because Dask is slow to import."""
-    from dragon_ros.studies import cluster
-    return cluster
+    """The module under test."""
+    from dragon_studies import run
+    return run
 
 
 @pytest.fixture(scope='module')
@@ -125,10 +124,62 @@ def test_a_full_disk_half_way_keeps_what_was_there_and_the_next_run_goes_on(clus
     assert without_times(open_set(tmp_path).table()) == undisturbed
 
 
-def test_workers_that_cannot_be_started_are_told_in_one_line(cluster, study, tmp_path):
-    with writing(tmp_path, study(SLOWER)) as data, small_disk(100), pytest.raises(
-            DragonError, match=r'^the worker processes cannot be started: .*; free some space or memory'):
-        cluster.complete(data, Event(), nothing, workers=1)
+@pytest.mark.parametrize('workers', [1, 2, 3])
+def test_any_number_of_workers_computes_the_same_rows(cluster, study, undisturbed, without_times, tmp_path, workers):
+    with writing(tmp_path, study(SLOWER)) as data:
+        done = cluster.complete(data, Event(), nothing, workers=workers)
+    assert (done.done, done.workers) == (48, workers)
+    assert without_times(open_set(tmp_path).table()) == undisturbed
+
+
+def test_a_local_worker_that_is_killed_half_way_costs_no_row(cluster, study, undisturbed, without_times, tmp_path):
+    before = set(psutil.Process().children())
+
+    def kill():
+        victim, *_ = set(psutil.Process().children()) - before
+        victim.kill()
+    with writing(tmp_path, study(SLOWER)) as data:
+        done = cluster.complete(data, Event(), half_way(kill), workers=2)
+    assert done.done == 48
+    assert without_times(open_set(tmp_path).table()) == undisturbed
+
+
+# The worker processes are forked from this program.
+DEADLY_HERE = """
+import sys
+from pathlib import Path
+from threading import Event
+from dragon_ros.scenes.yaml import parse_document
+from dragon_studies.dataset import writing
+from dragon_studies.definition import study_of
+from dragon_studies.run import complete
+study = study_of(parse_document('f.yaml', sys.argv[1]), Path())
+with writing(Path('data'), study) as data:
+    complete(data, Event(), lambda progress: None, workers=2)
+"""
+
+
+def test_a_row_that_kills_its_local_workers_is_a_row_that_says_so(tmp_path):
+    text = 'set: {dragon: {benches: 3}}\nvary: {dragon.width_m: [0.2, 0.22, 0.25, 0.3, 0.35, 0.4]}\nask: [lock]'
+    subprocess.run([sys.executable, '-c', DEADLY + DEADLY_HERE, text], cwd=tmp_path, check=True, timeout=LONGEST_S,
+                   env={**os.environ, 'PYTHONPATH': str(ROOT)})
+    table = open_set(tmp_path / 'data').table()
+    assert table.column('status').to_pylist() == ['ok', 'ok', 'failed', 'ok', 'ok', 'ok']
+    assert 'every worker that computed it died' in table.column('reason').to_pylist()[2]
+
+
+def test_local_workers_do_not_listen(cluster, study, tmp_path):
+    listening = []
+
+    def look(progress):
+        for process in psutil.Process().children(recursive=True):
+            with suppress(psutil.NoSuchProcess):
+                listening.extend(one for one in process.net_connections() if one.status == psutil.CONN_LISTEN)
+    before = [one for one in psutil.Process().net_connections() if one.status == psutil.CONN_LISTEN]
+    with writing(tmp_path, study(SLOWER)) as data:
+        cluster.complete(data, Event(), look, workers=2)
+    assert listening == []
+    assert [one for one in psutil.Process().net_connections() if one.status == psutil.CONN_LISTEN] == before
 
 
 @pytest.mark.long
@@ -187,22 +238,25 @@ def test_a_row_that_kills_its_workers_is_a_row_that_says_so(cluster, study, tmp_
 
 @pytest.mark.long
 def test_other_versions_are_refused_before_anything_is_computed(cluster, study, shared, tmp_path, monkeypatch):
-    wanted = cluster.versions() | {'numpy': '0.9'}
-    monkeypatch.setattr(cluster, 'versions', lambda: wanted)
+    scheduler = pytest.importorskip('dragon_studies.scheduler', exc_type=ImportError)
+    wanted = scheduler.versions() | {'numpy': '0.9'}
+    monkeypatch.setattr(scheduler, 'versions', lambda: wanted)
     with writing(tmp_path, study()) as data, \
             pytest.raises(InputError, match=r'has numpy \S+, but this process has 0.9'):
         cluster.complete(data, Event(), nothing, scheduler=shared[0])
     assert list((tmp_path / 'rows').iterdir()) == []
 
 
-def test_a_worker_of_another_version_that_joins_later_computes_nothing(cluster, study):
+def test_a_worker_of_another_version_that_joins_later_computes_nothing():
+    scheduler = pytest.importorskip('dragon_studies.scheduler', exc_type=ImportError)
     with pytest.raises(InputError, match='worker has dragon_ros'):
-        cluster.compute(study().text, 0, 1, {'dragon_ros': '0.0.1'})
+        scheduler.checked(lambda rows: None, {'dragon_ros': '0.0.1'}, (0, 1))
 
 
 @pytest.mark.parametrize('address', ['tcp://127.0.0.1:9', 'nonsense://', 'nowhere.json'])
 def test_a_scheduler_that_is_not_there_is_named(cluster, study, tmp_path, monkeypatch, address):
-    monkeypatch.setattr(cluster, '_CONNECT_S', 0.5)
+    scheduler = pytest.importorskip('dragon_studies.scheduler', exc_type=ImportError)
+    monkeypatch.setattr(scheduler, '_CONNECT_S', 0.5)
     with writing(tmp_path, study()) as data, pytest.raises(MissingError, match='--scheduler .* cannot be reached'):
         cluster.complete(data, Event(), nothing, scheduler=address)
 
@@ -213,19 +267,6 @@ def test_a_scheduler_that_goes_away_is_told_and_what_came_is_kept(cluster, study
         with pytest.raises(DragonError, match='rows are kept'):
             cluster.complete(data, Event(), half_way(scheduler.kill), scheduler=file)
         assert 24 <= data.count < 48
-
-
-@pytest.mark.long
-def test_the_embedded_cluster_is_on_this_host_alone_and_encrypted(cluster, study, without_times, tmp_path):
-    before = set(psutil.Process().children(recursive=True))
-    with cluster.local_client(1) as client, writing(tmp_path, study()) as data:
-        assert client.scheduler.address.startswith('tls://127.0.0.1:')
-        tree = {psutil.Process(), *psutil.Process().children(recursive=True)} - before
-        listening = {one.laddr.ip for process in tree for one in process.net_connections('tcp')
-                     if one.status == psutil.CONN_LISTEN}
-        assert listening == {'127.0.0.1'}
-        cluster.run(data, client, Event(), nothing)
-    assert without_times(open_set(tmp_path).table()) == without_times(rows_of(study(), range(12)))
 
 
 @pytest.mark.long
@@ -247,7 +288,7 @@ def test_ctrl_c_ends_a_study_in_order_and_says_how_to_go_on(tmp_path):
 
 @pytest.mark.long
 def test_tls_settings_of_dask_are_honoured(cluster, study, without_times, tmp_path):
-    from distributed.security import Security
+    Security = pytest.importorskip('distributed.security').Security
     security = Security.temporary()
     made = {'ca': security.tls_ca_file, 'key': security.tls_client_key, 'cert': security.tls_client_cert}
     for name, text in made.items():

@@ -12,9 +12,9 @@ from small_disk import small_disk
 
 from dragon_ros.__main__ import main
 from dragon_ros.core.errors import DiskError, InputError, MissingError
-from dragon_ros.studies import dataset
-from dragon_ros.studies.dataset import open_set, part_of, writing
-from dragon_ros.studies.rows import rows_of
+from dragon_studies import dataset
+from dragon_studies.dataset import open_set, part_of, writing
+from dragon_studies.rows import rows_of
 
 ROOT = Path(__file__).parents[2]
 

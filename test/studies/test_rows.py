@@ -14,10 +14,10 @@ from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral
 from dragon_ros.core.venue import LineObstacle, Venue
 from dragon_ros.scenes.load import changed_scene, scene_of
 from dragon_ros.scenes.yaml import Document
-from dragon_ros.studies import questions
-from dragon_ros.studies.questions import QUESTIONS, Asked
-from dragon_ros.studies.rows import columns_of, row_of, rows_of
-from dragon_ros.studies.sampling import scene_values_of, values_of
+from dragon_studies import questions
+from dragon_studies.questions import QUESTIONS, Asked
+from dragon_studies.rows import columns_of, row_of, rows_of
+from dragon_studies.sampling import scene_values_of, values_of
 
 SMALL = {'dragon': {'benches': 24}, 'run': {'start_s': 405, 'stop_s': 413}}
 ALL = """

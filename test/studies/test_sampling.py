@@ -5,7 +5,7 @@ from scipy.stats import kstest, qmc, truncnorm
 
 from dragon_ros.scenes.load import scene_of
 from dragon_ros.scenes.yaml import Document
-from dragon_ros.studies.sampling import scene_values_of, values_of
+from dragon_studies.sampling import scene_values_of, values_of
 
 NORMAL = """
 set: {dragon: {kind: mixed, groups: [{length_m: 3.41}, {count: 4, length_m: 2.2}, {length_m: 3}]}}

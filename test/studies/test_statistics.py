@@ -8,8 +8,8 @@ import pytest
 from scipy.stats import norm
 
 from dragon_ros.core.errors import FieldError
-from dragon_ros.studies import statistics
-from dragon_ros.studies.sampling import values_of
+from dragon_studies import statistics
+from dragon_studies.sampling import values_of
 
 SALTELLI = """
 vary:
@@ -96,8 +96,8 @@ def test_only_rows_that_do_not_contradict_a_normal_distribution_get_its_bound(va
 
 def test_a_random_study_of_uniform_laws_computes_its_rows_without_scipy():
     code = ('import sys\nsys.modules["scipy"] = None\nfrom pathlib import Path\n'
-            'from dragon_ros.scenes.yaml import parse_document\nfrom dragon_ros.studies.rows import rows_of\n'
-            'from dragon_ros.studies.study import study_of\n'
+            'from dragon_ros.scenes.yaml import parse_document\nfrom dragon_studies.rows import rows_of\n'
+            'from dragon_studies.definition import study_of\n'
             'study = study_of(parse_document("f", sys.stdin.read()), Path())\n'
             'print(*(row["status"] for row in rows_of(study, range(2))))')
     text = ('set: {dragon: {benches: 3}}\nvary: {track.pitch_m: {uniform: [0.5, 0.6]}, dragon.width_m: [0.2, 0.3]}\n'

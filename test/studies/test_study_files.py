@@ -6,9 +6,9 @@ import yaml
 
 from dragon_ros import configuration
 from dragon_ros.core.errors import InputError, MissingError
-from dragon_ros.studies.rows import parsed
-from dragon_ros.studies.schema import study_schema, text
-from dragon_ros.studies.study import load_study, study_names
+from dragon_studies.definition import load_study, study_names
+from dragon_studies.rows import parsed
+from dragon_studies.schema import study_schema, text
 
 MIXED = 'set: {dragon: {kind: mixed, groups: [{length_m: 3.41}, {count: 4, length_m: 2.2}]}}\n'
 GRID = 'vary: {track.pitch_m: [0.5, 0.6]}\nask: [lock]\n'

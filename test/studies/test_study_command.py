@@ -3,7 +3,6 @@ import json
 import os
 import re
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +10,7 @@ import pytest
 from processes import Forked
 
 from dragon_ros.__main__ import main
-
-pytestmark = pytest.mark.skipif(not find_spec('distributed'), reason='distributed is not installed')
+from dragon_ros.core.errors import InputError
 
 GRID = """
 set: {dragon: {benches: 12}, run: {start_s: 408, stop_s: 413}}
@@ -29,9 +27,9 @@ CURVE = 'set: {dragon: {benches: 3}}\nvary: {track.pitch_m: {from: 0.4, to: 0.6,
 @pytest.fixture
 def computed(tmp_path, monkeypatch):
     """A function that computes a study in this process, stores it in the folder ``data``, and returns that folder."""
-    from dragon_ros.studies.dataset import part_of, writing
-    from dragon_ros.studies.rows import rows_of
-    from dragon_ros.studies.study import load_study
+    from dragon_studies.dataset import part_of, writing
+    from dragon_studies.definition import load_study
+    from dragon_studies.rows import rows_of
 
     def compute(text, rows=None):
         monkeypatch.chdir(tmp_path)
@@ -55,7 +53,7 @@ def test_a_study_is_computed_drawn_and_not_computed_again(tmp_path, monkeypatch,
     first = capsys.readouterr().out
     assert 'data: 6 of 6 rows (6 ok)' in first
     assert drawn(tmp_path / 'data') == ['contact_t_s.png', 'contact_t_s.svg', 'lock_t_s.png', 'lock_t_s.svg']
-    monkeypatch.setattr('dragon_ros.studies.cluster.LocalCluster', None)     # no process is started if all rows exist
+    monkeypatch.setattr('dragon_studies.run.rows_of', None)      # no row is computed again
     assert main(['study', 'data', '--format', 'json']) == 0
     found = json.loads(capsys.readouterr().out)
     assert found['statuses'] == {'ok': 6, 'refused': 0, 'over_budget': 0, 'failed': 0}
@@ -70,7 +68,7 @@ def test_a_study_is_computed_drawn_and_not_computed_again(tmp_path, monkeypatch,
 def test_each_design_has_its_picture_and_drawing_it_needs_no_dask(computed, capsys, monkeypatch, request, text, rows,
                                                                   said):
     folder = computed(text, rows)
-    monkeypatch.setitem(sys.modules, 'dragon_ros.studies.cluster', None)
+    monkeypatch.setitem(sys.modules, 'dragon_studies.run', None)
     assert main(['study', 'data', '--plot']) == 0
     assert said in capsys.readouterr().out
     assert drawn(folder) == ['lock_t_s.png', 'lock_t_s.svg']
@@ -82,8 +80,8 @@ def test_each_design_has_its_picture_and_drawing_it_needs_no_dask(computed, caps
 
 
 def test_lists_in_any_order_give_the_picture_of_sorted_lists(computed):
-    from dragon_ros.commands.plot.study import pictures
-    from dragon_ros.studies.dataset import open_set
+    from dragon_studies.dataset import open_set
+    from dragon_studies.pictures import pictures
     text = 'set: {dragon: {benches: 3}}\nvary: {track.pitch_m: PITCHES, dragon.hole_inset_m: INSETS}\nask: [lock]'
     maps, curves = [], []
     for name, pitches, insets in (('sorted', '[0.5, 0.55, 0.6]', '[0.2, 0.25]'),
@@ -103,8 +101,8 @@ def test_lists_in_any_order_give_the_picture_of_sorted_lists(computed):
 
 
 def test_a_map_shows_the_first_values_of_other_keys_that_have_answers_and_names_them(computed):
-    from dragon_ros.commands.plot.study import pictures
-    from dragon_ros.studies.dataset import open_set
+    from dragon_studies.dataset import open_set
+    from dragon_studies.pictures import pictures
     folder = computed('set: {dragon: {benches: 24}, run: {start_s: 411}}\n'
                       'vary: {dragon.width_m: [0.29, 0.3], accuracy: [exact, fine], run.stop_s: [412, 413]}\n'
                       'ask: [contact]')
@@ -147,14 +145,14 @@ def test_rows_that_are_refused_are_counted_with_their_reason_and_left_out_of_pic
 
 
 def test_the_rows_of_a_study_are_arrays_in_python(computed):
-    import dragon_ros as dr
+    import dragon_studies
     folder = computed(RANDOM.replace('DESIGN', 'random'))
-    rows = dr.study(folder)
+    rows = dragon_studies.study(folder)
     assert len(rows) == 16
     assert rows['lock_t_s'].shape == (16,)
-    assert dr.study('./study.yaml', output=folder).table == rows.table
-    with pytest.raises(dr.api.InputError, match='give the folder for the rows'):
-        dr.study('./study.yaml')
+    assert dragon_studies.study('./study.yaml', output=folder).table == rows.table
+    with pytest.raises(InputError, match='give the folder for the rows'):
+        dragon_studies.study('./study.yaml')
 
 
 @pytest.mark.parametrize(('arguments', 'said'), [
@@ -184,17 +182,15 @@ def test_a_scheduler_is_named_before_it_is_asked(tmp_path, capsys):
     assert 'cannot be reached' in second
 
 
-def test_a_missing_library_is_named_with_the_cure(tmp_path):
-    names = 'pyarrow', 'distributed'
-    code = 'import sys\nfrom dragon_ros.__main__ import main\n' \
-           f'for name in {names}:\n' \
-           '    sys.modules[name] = None\n' \
-           f'    assert main(["study", "pitch_map", "--output", {str(tmp_path)!r}]) == 2\n' \
-           '    del sys.modules[name]'
+@pytest.mark.parametrize(('name', 'options', 'extra'), [
+    ('pyarrow', [], 'study'), ('distributed', ['--scheduler', 'tcp://127.0.0.1:9'], 'cluster')])
+def test_a_missing_library_is_named_with_the_cure(tmp_path, name, options, extra):
     program = tmp_path / 'program.py'
-    program.write_text(code)
+    program.write_text(f'import sys\nfrom dragon_ros.__main__ import main\nsys.modules[{name!r}] = None\n'
+                       f'assert main(["study", "pitch_map", "--output", "there", *{options}]) == 2\n')
     with Forked([], os.environ, tmp_path, program=program) as process:
-        lines, _ = process.communicate(timeout=60)
-    assert (process.poll(), lines.count('\n')) == (0, 2), lines
-    for name, line in zip(names, lines.splitlines(), strict=True):
-        assert f"{name}: it is not installed, but studies need it; pip install 'dragon_ros[study]'" in line
+        text, _ = process.communicate(timeout=60)
+    assert process.poll() == 0, text
+    assert f'{name}: it is not installed, but ' in text
+    assert f"pip install 'dragon_ros[{extra}]'" in text
+    assert 'Traceback' not in text

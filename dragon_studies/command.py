@@ -17,8 +17,8 @@ from dragon_ros.core.errors import InputError, MissingError
 from dragon_ros.core.words import counted
 
 if TYPE_CHECKING:
-    from dragon_ros.studies.cluster import StudyProgress
-    from dragon_ros.studies.dataset import DataSet
+    from dragon_studies.dataset import DataSet
+    from dragon_studies.run import StudyProgress
 
 
 def main(argv: list[str]) -> int:
@@ -45,8 +45,8 @@ def main(argv: list[str]) -> int:
 
 def _run(arguments: Namespace) -> int:
     with _libraries():
-        from dragon_ros.studies import answers, dataset
-        from dragon_ros.studies.study import load_study
+        from dragon_studies import answers, dataset
+        from dragon_studies.definition import load_study
     study = None if Path(arguments.study).is_dir() else load_study(arguments.study)
     folder = _folder_of(arguments)
     data = dataset.open_set(folder) if study is None else dataset.DataSet(folder, study)
@@ -61,7 +61,7 @@ def _run(arguments: Namespace) -> int:
     found = answers.summary(data)
     command_line.write_output(None, json.dumps(found) if arguments.format == 'json' else answers.text(found))
     if arguments.plot:
-        from dragon_ros.commands.plot.study import NEEDED, pictures
+        from dragon_studies.pictures import NEEDED, pictures
         drawn = False
         for name, figure in pictures(data):
             drawn = True
@@ -100,9 +100,9 @@ def _folder_of(arguments: Namespace) -> Path:
 def _computed(arguments: Namespace, data: 'DataSet') -> int:
     """Compute missing rows with a progress bar; return the exit code."""
     with _libraries():      # Dask takes a third of a second to import, and drawings do not need it
-        from dragon_ros.studies.cluster import complete
+        from dragon_studies.run import complete
     from dragon_ros.cli.pool import workers_of
-    from dragon_ros.studies import dataset
+    from dragon_studies import dataset
     workers = None if arguments.workers is None else workers_of(arguments.workers)
     with stopped_by_signals() as stop, dataset.writing(data.folder, data.study) as kept:
         there = kept.count

@@ -10,7 +10,7 @@ import numpy as np
 
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.types import Floats
-from dragon_ros.studies.study import Study
+from dragon_studies.definition import Study
 
 CONFIDENCE = 0.95
 FEWEST_POINTS = 16      # smallest number of base points for Sobol indices; fewer points vary too little by bootstrap

@@ -11,7 +11,7 @@ import numpy as np
 
 from dragon_ros.core.errors import MissingError
 from dragon_ros.core.numerics.types import Floats
-from dragon_ros.studies.study import Listed, Normal, Range, Study, Uniform, Variation, target_of
+from dragon_studies.definition import Listed, Normal, Range, Study, Uniform, Variation, target_of
 
 Values = dict[str, Any]
 

@@ -9,10 +9,11 @@ import pyarrow as pa
 
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.words import counted
-from dragon_ros.studies.dataset import DataSet
-from dragon_ros.studies.questions import MAIN, name_of
-from dragon_ros.studies.rows import STATUSES
-from dragon_ros.studies.statistics import (
+from dragon_studies.dataset import DataSet
+from dragon_studies.definition import Study
+from dragon_studies.questions import MAIN, name_of
+from dragon_studies.rows import STATUSES
+from dragon_studies.statistics import (
     CONFIDENCE,
     distribution,
     may_be_normal,
@@ -22,7 +23,6 @@ from dragon_ros.studies.statistics import (
     safe_rows,
     upper_bound,
 )
-from dragon_ros.studies.study import Study
 
 SAFE = 0.999            # the share of dragons that a bound must cover
 _RANDOM = ('random', 'sobol')

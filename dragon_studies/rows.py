@@ -14,10 +14,10 @@ from dragon_ros.core.errors import DragonError
 from dragon_ros.core.scene import Scene
 from dragon_ros.scenes.load import scene_of
 from dragon_ros.scenes.yaml import Document
-from dragon_ros.studies.questions import Asked, name_of
-from dragon_ros.studies.sampling import scene_values_of, values_of
-from dragon_ros.studies.study import Listed, Study, study_from, target_of
 from dragon_ros.version import __version__
+from dragon_studies.definition import Listed, Study, study_from, target_of
+from dragon_studies.questions import Asked, name_of
+from dragon_studies.sampling import scene_values_of, values_of
 
 OK, REFUSED, OVER_BUDGET, FAILED = 'ok', 'refused', 'over_budget', 'failed'
 STATUSES = (OK, REFUSED, OVER_BUDGET, FAILED)       # from best to worst; a row has the worst status of its answers

@@ -21,8 +21,8 @@ from dragon_ros.core.errors import DiskError, InputError, MissingError
 from dragon_ros.core.words import counted
 from dragon_ros.scenes.provenance import versions
 from dragon_ros.scenes.yaml import read_document
-from dragon_ros.studies.rows import Row, columns_of, parsed
-from dragon_ros.studies.study import Study, as_text, study_of
+from dragon_studies.definition import Study, as_text, study_of
+from dragon_studies.rows import Row, columns_of, parsed
 
 STUDY_FILE, ROWS, LOCK = 'study.yaml', 'rows', '.lock'
 BLOCK = 16_384      # number of rows in a joined part

@@ -18,10 +18,11 @@ from dragon_ros.cli.figures import BODY, HEAD, LINES, QUIET, TEXT_PT, legend_bel
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.words import counted
-from dragon_ros.studies.answers import SAFE, main_answers, numbers
-from dragon_ros.studies.dataset import DataSet
-from dragon_ros.studies.sampling import levels_of
-from dragon_ros.studies.statistics import (
+from dragon_studies.answers import SAFE, main_answers, numbers
+from dragon_studies.dataset import DataSet
+from dragon_studies.definition import Listed
+from dragon_studies.sampling import levels_of
+from dragon_studies.statistics import (
     FEWEST_POINTS,
     distribution,
     indices,
@@ -31,7 +32,6 @@ from dragon_ros.studies.statistics import (
     safe_rows,
     upper_bound,
 )
-from dragon_ros.studies.study import Listed
 
 _UNITS = {'_m': 'm', '_s': 's', '_m_s': 'm/s', '_m_s2': 'm/s²', '_rad': 'rad', '_deg': '°'}
 _FEW = 8            # smallest number of rows for a distribution

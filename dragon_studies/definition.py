@@ -18,7 +18,7 @@ from dragon_ros.core.errors import FieldError, InputError, MissingError, shown
 from dragon_ros.core.scene import Scene
 from dragon_ros.scenes.load import changed_scene, scene_of, scene_values
 from dragon_ros.scenes.yaml import Document, parse_document, plain_number, read_document
-from dragon_ros.studies.questions import QUESTIONS, Question, name_of
+from dragon_studies.questions import QUESTIONS, Question, name_of
 
 DESIGNS = ('grid', 'random', 'sobol', 'saltelli')
 MOST_ROWS = 10**9

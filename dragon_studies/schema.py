@@ -6,8 +6,8 @@ are made when a study is read, with clearer errors.
 import json
 
 from dragon_ros.scenes.schema import Schema, kind_schema, scene_schema
-from dragon_ros.studies.questions import QUESTIONS
-from dragon_ros.studies.study import DESIGNS, Study
+from dragon_studies.definition import DESIGNS, Study
+from dragon_studies.questions import QUESTIONS
 
 _PAIR: Schema = {'type': 'array', 'items': {'type': 'number'}, 'minItems': 2, 'maxItems': 2}
 _ENDS: dict[str, Schema] = {'from': {'type': 'number'}, 'to': {'type': 'number'}}

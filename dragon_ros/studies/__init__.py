@@ -1,1 +1,0 @@
-"""Parameter studies: many scenes, each with a row of answers, computed with Dask and stored as Parquet."""
