@@ -19,7 +19,7 @@ def configuration() -> list[tuple[str, list[str]]]:
 
 setup(
     name=NAME,
-    version='0.3.0',
+    version='0.4.0',
     description='Bench dragon simulator for ROS 2',
     license='Apache-2.0',
     maintainer='dragon_ros maintainers',

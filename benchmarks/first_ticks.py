@@ -24,7 +24,7 @@ from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.spec import Arc, Composite, Line
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed, timed_in_turn
 from dragon_ros.scenes.load import load_scene
-from hard_cases.dances import dances
+from hard_cases import hard_cases
 
 _NAMED = ('winding', 'long')
 _TICKS = 50             # number of ticks over which the time of a later tick is averaged
@@ -59,7 +59,7 @@ class Row:
 def measure(budget_s: float = 0.3) -> list[Row]:
     """Measure every scene that can use a shift map; progress goes to standard error."""
     scenes = {name: load_scene(name) for name in _NAMED}
-    scenes |= {case.name: case.scene for case in dances()}
+    scenes |= {case.name: case.scene for case in hard_cases()}
     scenes['street-300'] = street(300)
     served = {name: scene for name, scene in scenes.items()
               if state(scene, scene.run.start_s).solver.startswith('table')}

@@ -19,6 +19,7 @@ sys.path.insert(0, str(ROOT))
 import dragon_ros as dr  # noqa: E402
 from dragon_ros import configuration  # noqa: E402
 from dragon_ros.configuration import scene_names  # noqa: E402
+from dragon_ros.core import domain  # noqa: E402
 from dragon_ros.core import limits as budgets  # noqa: E402
 from dragon_ros.core.flags import MEANINGS, NEEDS  # noqa: E402
 from dragon_ros.core.model import compile_scene  # noqa: E402
@@ -171,12 +172,17 @@ def _tier_row(tier: Tier, size_m: float) -> tuple[str, str, str]:
     return f'`{tier.name}`', f'{tier.promise_m:.0e} m{grows}', f'{tier.series_m(size_m):.1e} m'
 
 
+def world() -> str:
+    """Return the limits of the world."""
+    return table('quantity | from | to', ((one.what, f'{one.low:,g}', f'{one.high:,g} {one.unit}'.strip())
+                                          for one in domain.WORLD))
+
+
 def limits() -> str:
     """Return the budgets for untrusted input."""
     rows = [(one.bounds, _amount(getattr(budgets, one.name), one.unit), one.beyond) for one in budgets.LIMITS]
     checked = [('a certificate', _amount(reading.MOST_BYTES, 'bytes'), 'rejected'),
-               ('the intervals of a certificate', _amount(reading.MOST_ROWS, 'intervals'), 'rejected'),
-               ('the benches of a certificate', _amount(reading.MOST_BENCHES, 'benches'), 'rejected')]
+               ('the intervals of a certificate', _amount(reading.MOST_ROWS, 'intervals'), 'rejected')]
     return table('quantity | at most | beyond it', [*rows, *checked])
 
 
@@ -264,7 +270,7 @@ def _prose(one: Any) -> str:
 
 TABLES: dict[str, Callable[[], str]] = {
     'executables': executables, 'topics': topics, 'qualities': qualities,
-    'scenes': scenes, 'keys': keys, 'effects': effects, 'tiers': tiers, 'limits': limits, 'api': api,
+    'scenes': scenes, 'keys': keys, 'effects': effects, 'tiers': tiers, 'world': world, 'limits': limits, 'api': api,
     'sim': lambda: parameters(params.SIM), 'monitor': lambda: parameters(params.MONITOR),
     'replay': lambda: parameters(params.REPLAY)}
 

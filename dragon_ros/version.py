@@ -1,3 +1,3 @@
 """The version of this software, which bags, certificates and cost pages state."""
 
-__version__ = '0.3.0'
+__version__ = '0.4.0'

@@ -11,6 +11,7 @@ from typing import Any, ClassVar
 
 from dragon_ros.core.chain.dragon import AnyDragon
 from dragon_ros.core.checks import number
+from dragon_ros.core.domain import COORDINATE, PITCH, SPEED
 from dragon_ros.core.errors import FieldError, InputError
 from dragon_ros.core.geometry.near_obstacles import with_obstacles
 from dragon_ros.core.geometry.near_pairs import closeness
@@ -150,10 +151,10 @@ class MinPitchQuestion:
 
     def __post_init__(self) -> None:
         """Reject an invalid circle or bracket."""
-        number('ask.min_pitch.diameter_m', self.diameter_m, above=0.0, high=1e6)
+        number('ask.min_pitch.diameter_m', self.diameter_m, above=0.0, high=2 * COORDINATE.high)
         if self.smallest_m is not None:
             number('ask.min_pitch.smallest_m', self.smallest_m, above=0.0)
-        number('ask.min_pitch.largest_m', self.largest_m, above=self.smallest_m or 0.0, high=1e6)
+        number('ask.min_pitch.largest_m', self.largest_m, above=self.smallest_m or 0.0, high=PITCH.high)
         number('ask.min_pitch.within_m', self.within_m, low=2e-11, high=1.0)
         if self.start_turns is not None:
             number('ask.min_pitch.start_turns', self.start_turns, above=0.0, high=1e4)
@@ -241,7 +242,7 @@ class MaxSpeedQuestion:
 
     def __post_init__(self) -> None:
         """Reject an invalid limit."""
-        number('ask.max_speed.limit_m_s', self.limit_m_s, above=0.0, high=1e9)
+        number('ask.max_speed.limit_m_s', self.limit_m_s, above=0.0, high=SPEED.high)
 
     def answer(self, asked: Asked) -> Values:
         """Return the answer. At the lower bound, no handle exceeds the limit; at the upper bound, one does."""

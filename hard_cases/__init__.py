@@ -1,13 +1,8 @@
-"""The hard cases: series of named scenes that approach each singularity, shared by tests and benchmarks.
+"""The hard cases: named scenes that approach each singularity and the corners of the world.
 
-The module ``truth`` reads a 50-digit reference for each case from JSON files that scripts in this package write.
+Tests and benchmarks share them. The module ``truth`` reads a 50-digit reference for each case from a JSON file that the
+script ``make_reference`` writes.
 """
-from hard_cases.dances import dances
-from hard_cases.problems import Problem, problems
+from hard_cases.cases import Problem, hard_cases
 
 __all__ = ['Problem', 'hard_cases']
-
-
-def hard_cases() -> tuple[Problem, ...]:
-    """Return every hard case: those on one spiral, then those with composite tracks, head laws or leading tails."""
-    return (*problems(), *dances())

@@ -1,248 +1,360 @@
-"""Make ``reference.json``: 50-digit positions and speeds for every case of ``hard_cases.problems``.
+"""Make ``reference.json``: 50-digit positions and velocities for every hard case, and design figures.
 
-    ./dragon python -m hard_cases.make_reference
+    ./dragon python -m hard_cases.make_reference [NAME ...]
 
-The script needs mpmath (gmpy2 makes it faster, with the same result) and runs for up to a few minutes. It shares no
-numerical code with the package, and reads the scene's floats as exact binary numbers. Lengths are in units of b = pitch
-/ 2 pi, angles in rad. A chord between theta and theta + delta obeys the law of cosines, and velocities are projected
-from the link and the tangents as vectors; guard digits compensate for cancellation. Everything is computed twice, the
-second time with more digits, and compared.
+The script needs mpmath and runs for half an hour; with names, it computes only these cases and keeps the others. It
+shares no numerical code with the package: it reads the scene's floats as exact numbers and constructs the track
+independently. It finds the next handle in steps that cannot overshoot: if a position is g metres short of the chord,
+there is no root within the next g metres of track. Everything is computed twice, the second time with more digits, and
+compared.
 """
 import json
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import mpmath
-from mpmath import iv, mp
+from mpmath import mp, mpc, mpf
 
+from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.scene import Scene
-from hard_cases.problems import Problem, problems
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
+from hard_cases.cases import Problem, hard_cases
 
-DIGITS = 50                     # digits of every result, relative to the distance from the centre
-GUARD = 40                      # additional digits for the computation, since the law of cosines loses up to 20
+DIGITS = 50                     # digits of every result
+GUARD, MORE = 15, 15            # additional digits in the first and in the second computation
 AGREED = 40                     # digits to which the two computations must agree
-MORE = 20                       # further digits for the second computation
 WRITTEN = 25                    # significant digits in the file
 TARGET = Path(__file__).with_name('reference.json')
 Number = Any                    # mpmath creates its types at run time
-Function = Callable[[Number], tuple[Number, Number]]
-
-
-class Link(NamedTuple):
-    """One solved link: the angle that it spans, and the ratio of its rear handle's speed to its front handle's."""
-
-    delta: Number
-    ratio: Number
+BACK, AHEAD = -1, 1
 
 
 class Handle(NamedTuple):
-    """One handle: coordinates in metres and signed speed along the track in m/s, positive inwards."""
+    """One handle: its coordinates in metres, and its velocity in m/s as a complex number."""
 
     x: Number
     y: Number
-    speed: Number
+    velocity: Number
 
 
-def main() -> None:
-    """Compute, check and write the reference."""
-    found = {problem.name: reference(problem) for problem in problems()}
-    check_known_values(found)
-    TARGET.write_text(text_of(found), encoding='ascii')
-    note(f'{TARGET}: {TARGET.stat().st_size} bytes')
+@dataclass
+class Straight:
+    """A line; u is the distance (m) from its start."""
+
+    start: Number
+    direction: Number
+    first: Number
+    last: Number
+
+    def at(self, u: Number) -> Number:
+        return self.start + self.direction * u
+
+    def tangent(self, u: Number) -> Number:
+        return self.direction
+
+    def metres(self, u: Number) -> Number:
+        return u
+
+    def after(self, metres: Number) -> Number:
+        return metres
+
+    def fastest(self, u: Number, gap: Number) -> Number:
+        """Return an upper bound on the track length (m) per unit of u, up to ``gap`` metres from u."""
+        return mp.one
 
 
-def reference(problem: Problem) -> list[list[Handle]]:
-    """Return the requested handles of a problem at each of its times, checked against a finer computation."""
-    states = []
-    for t_s in problem.times_s:
-        note(f'{problem.name} at {t_s!r} s')
-        coarse, fine = (handles_at(problem, t_s, DIGITS + GUARD + more) for more in (0, MORE))
-        check_agreement(coarse, fine)
-        states.append(coarse)
-    return states
+@dataclass
+class Round:
+    """An arc, which turns left if ``side`` is 1; u is the distance (m) from its start."""
+
+    start: Number
+    direction: Number
+    radius: Number
+    side: int
+    first: Number
+    last: Number
+
+    def at(self, u: Number) -> Number:
+        return self.start + self.side * 1j * self.radius * self.direction * (1 - mp.expj(self.side * u / self.radius))
+
+    def tangent(self, u: Number) -> Number:
+        return self.direction * mp.expj(self.side * u / self.radius)
+
+    metres, after, fastest = Straight.metres, Straight.after, Straight.fastest
+
+
+@dataclass
+class Winding:
+    """A rotated spiral about ``centre``; u is the polar angle, ``side`` 1 is anticlockwise, ``way`` 1 is outwards."""
+
+    b: Number
+    centre: Number
+    rotation: Number
+    side: int
+    way: int
+    anchor: Number
+    first: Number
+    last: Number
+
+    def at(self, u: Number) -> Number:
+        return self.centre + self.rotation * self.b * u * mp.expj(self.side * u)
+
+    def tangent(self, u: Number) -> Number:
+        return self.way * self.rotation * mp.expj(self.side * u) * mpc(1, self.side * u) / mp.sqrt(1 + u * u)
+
+    def metres(self, u: Number) -> Number:
+        return self.way * self.b * (arc(u) - arc(self.anchor))
+
+    def after(self, metres: Number) -> Number:
+        wanted = arc(self.anchor) + self.way * metres / self.b
+        u = mp.sqrt(2 * wanted)
+        for _ in range(200):
+            step = (arc(u) - wanted) / mp.sqrt(1 + u * u)
+            u -= step
+            if abs(step) < mpf(10) ** (8 - mp.dps):
+                return u
+        raise AssertionError('no such position on the spiral')
+
+    def fastest(self, u: Number, gap: Number) -> Number:
+        return self.b * mp.sqrt(1 + (u + gap / self.b) ** 2)
+
+
+def arc(u: Number) -> Number:
+    """Return the arc length from a spiral's centre, in units of b."""
+    return (u * mp.sqrt(1 + u * u) + mp.asinh(u)) / 2
+
+
+@dataclass
+class Track:
+    """The pieces of a track, and the distance along the track of each piece's origin (u = anchor for a spiral)."""
+
+    pieces: list[Any]
+    origins: list[Number]
+
+    def place(self, metres: Number) -> tuple[int, Number]:
+        """Return the piece and u at a distance along the track."""
+        k = max([k for k in range(1, len(self.pieces)) if self.origins[k] <= metres], default=0)
+        return k, self.pieces[k].after(metres - self.origins[k])
+
+    def next(self, k: int, u: Number, chord: Number, way: int) -> tuple[int, Number]:
+        """Return the first position behind or ahead, as ``way`` selects, that is one chord away."""
+        if chord == 0:
+            return k, u
+        here, start = self.pieces[k].at(u), u
+        while True:
+            found = self._on(self.pieces[k], here, start, chord, way)
+            if found is not None:
+                return k, found
+            k += way
+            start = self.pieces[k].last if way == BACK else self.pieces[k].first
+
+    @staticmethod
+    def _on(piece: Any, here: Number, u: Number, chord: Number, way: int) -> Number | None:
+        """Return the first u on a piece that is one chord away from ``here``; None if the piece ends first."""
+        end = piece.first if way == BACK else piece.last
+        sense = way * (getattr(piece, 'way', 1))
+        for _ in range(1_000_000):
+            gap = chord - abs(piece.at(u) - here)
+            if gap < mpf(10) ** -13 * chord:
+                return polished(piece, here, u, chord)
+            step = gap / piece.fastest(u, gap)
+            u += sense * step
+            if end is not None and sense * (u - end) > 0:
+                return None
+        raise AssertionError('no position at the length of the chord was found in a million steps')
+
+
+def polished(piece: Any, here: Number, u: Number, chord: Number) -> Number:
+    """Return the root near u, using Newton's method."""
+    for _ in range(100):
+        link = piece.at(u) - here
+        slope = piece.tangent(u) * (mp.sqrt(1 + u * u) * piece.b * piece.way if isinstance(piece, Winding) else 1)
+        step = (abs(link) ** 2 - chord * chord) / (2 * (mp.conj(link) * slope).real)
+        u -= step
+        assert abs(step) < mpf(10) ** -6 * chord / abs(slope), 'the root is not near its estimate'
+        if abs(step) <= mpf(10) ** (6 - mp.dps) * (chord + abs(u)):
+            return u
+    raise AssertionError('no root')
+
+
+def track_of(scene: Scene) -> tuple[Track, Number]:
+    """Return the track, and the position of the head on it at t = 0."""
+    if isinstance(scene.track, STurn):
+        return turn_of(scene.track), -mpf(scene.track.before_m)
+    if isinstance(scene.track, Spiral):
+        start = 2 * mp.pi * mpf(scene.track.start_turns)
+        spiral = Winding(mpf(scene.track.pitch_m) / (2 * mp.pi), mpc(0), mpc(1), 1, BACK, start, None, mpf(0))
+        return Track([spiral], [mp.zero]), mp.zero
+    assert isinstance(scene.track, Composite)
+    return laid(scene.track), mpf(scene.track.start_m)
+
+
+def turn_of(turn: STurn) -> Track:
+    """Return the S-turn: the arcs turn by 2 gamma; their radii have the given ratio and the sum R / sin gamma."""
+    b, radius = mpf(turn.pitch_m) / (2 * mp.pi), mpf(turn.diameter_m) / 2
+    theta = radius / b
+    gamma = mp.atan(theta)
+    second = radius / mp.sin(gamma) / (1 + mpf(turn.ratio))
+    first = mpf(turn.ratio) * second
+    into = Winding(b, mpc(0), mpc(1), 1, BACK, theta, None, theta)
+    out = Winding(b, mpc(0), mpc(-1), 1, AHEAD, theta, theta, None)
+    one = Round(into.at(theta), into.tangent(theta), first, -1, mp.zero, 2 * gamma * first)
+    two = Round(one.at(one.last), one.tangent(one.last), second, 1, mp.zero, 2 * gamma * second)
+    assert abs(two.at(two.last) - out.at(theta)) < radius * mpf(10) ** (5 - mp.dps)
+    assert abs(two.tangent(two.last) - out.tangent(theta)) < mpf(10) ** (5 - mp.dps)
+    return Track([into, one, two, out], [mp.zero, mp.zero, one.last, one.last + two.last])
+
+
+def laid(track: Composite) -> Track:
+    """Lay out joined pieces in the plane; the first piece extends backwards without limit."""
+    pieces: list[Any] = []
+    at_m, heading_deg = track.pieces[0].at_m or (0.0, 0.0), track.pieces[0].heading_deg or 0.0
+    origins, point, direction = [mp.zero], mpc(*at_m), mp.expj(mpf(heading_deg) * mp.pi / 180)
+    for spec in track.pieces:
+        first = None if not pieces else mp.zero
+        if isinstance(spec, Line):
+            pieces.append(Straight(point, direction, first, mpf(spec.length_m)))
+        elif isinstance(spec, Arc):
+            radius = mpf(spec.radius_m)
+            pieces.append(Round(point, direction, radius, 1 if spec.angle_deg > 0 else -1, first,
+                                abs(mpf(spec.angle_deg)) * mp.pi / 180 * radius))
+        else:
+            pieces.append(wound(spec, point, direction))
+        piece = pieces[-1]
+        origins.append(origins[-1] + piece.metres(piece.last))
+        point, direction = piece.at(piece.last), piece.tangent(piece.last)
+    return Track(pieces, origins[:-1])
+
+
+def wound(spec: Any, point: Number, direction: Number) -> Winding:
+    """Return a spiral that starts at a point in a given direction."""
+    start, last = 2 * mp.pi * mpf(spec.from_turns), 2 * mp.pi * mpf(spec.to_turns)
+    way = AHEAD if last > start else BACK
+    side = 1 if (spec.side == 'left') == (way == AHEAD) else -1
+    bare = Winding(mpf(spec.pitch_m) / (2 * mp.pi), mpc(0), mpc(1), side, way, start, start, last)
+    rotation = direction / bare.tangent(start)
+    return replace(bare, rotation=rotation, centre=point - rotation * bare.at(start))
+
+
+def gone(scene: Scene, t_s: float) -> tuple[Number, Number]:
+    """Return the distance travelled by the leader and its speed, integrated ramp by ramp."""
+    t, head = mpf(t_s), scene.head
+    if isinstance(head, Head):
+        return mpf(head.speed_m_s) * t, mpf(head.speed_m_s)
+    far, knots = mp.zero, [(mpf(a), mpf(v)) for a, v in head.knots]
+    for (t0, v0), (t1, v1) in pairwise(knots):
+        if t1 <= t:
+            far += (t1 - t0) * (v0 + v1) / 2
+        elif t0 <= t:
+            x, h, dv = (t - t0) / (t1 - t0), t1 - t0, v1 - v0
+            if head.ramps == 'linear':
+                return far + h * (v0 * x + dv * x * x / 2), v0 + dv * x
+            return far + h * (v0 * x + dv * (x**3 - x**4 / 2)), v0 + dv * (3 * x * x - 2 * x**3)
+    return far + (t - knots[-1][0]) * knots[-1][1], knots[-1][1]
+
+
+def chain_at(scene: Scene, t_s: float) -> list[tuple[Number, Number]]:
+    """Return (point, velocity) of all handles, from head to tail, as complex numbers."""
+    track, start = track_of(scene)
+    far, speed = gone(scene, t_s)
+    links = [mpf(link) for link in scene.dragon.link_lengths_m.tolist()]
+    if scene.head.lead == 'head':
+        return list(followed(track, track.place(start + far), links, BACK, speed))
+    *_, (k, u) = places(track, track.place(start), links, BACK)
+    tail = track.origins[k] + track.pieces[k].metres(u)
+    return list(followed(track, track.place(tail - far), links[::-1], AHEAD, -speed))[::-1]
+
+
+def places(track: Track, place: tuple[int, Number], links: list[Number], way: int) -> Iterator[tuple[int, Number]]:
+    """Yield the positions of the handles, starting with the leader."""
+    yield place
+    for chord in links:
+        place = track.next(*place, chord, way)
+        yield place
+
+
+def followed(track: Track, leader: tuple[int, Number], links: list[Number], way: int,
+             speed: Number) -> Iterator[tuple[Number, Number]]:
+    """Yield the point and the velocity of each handle, starting with the leader."""
+    before = None
+    for k, u in places(track, leader, links, way):
+        point, tangent = track.pieces[k].at(u), track.pieces[k].tangent(u)
+        if before is not None and point != before[0]:
+            link = point - before[0]
+            speed *= (mp.conj(link) * before[1]).real / (mp.conj(link) * tangent).real
+        before = point, tangent
+        yield point, speed * tangent
 
 
 def handles_at(problem: Problem, t_s: float, digits: int) -> list[Handle]:
     """Return the requested handles at one time, computed with ``digits`` digits."""
     mp.dps = digits
-    wanted = set(problem.handles)
-    scene = problem.scene
-    b = mp.mpf(scene.track.pitch_m) / (2 * mp.pi)
-    chain = march(head_angle(scene, b, t_s), [mp.mpf(link) / b for link in scene.dragon.link_lengths_m.tolist()])
-    head_speed = mp.mpf(scene.head.speed_m_s)
-    found = {number: place(b, theta, head_speed * ratio) for number, (theta, ratio) in enumerate(chain)
-             if number in wanted}
-    assert found.keys() == wanted, f'{problem.name} has no handles {sorted(wanted - found.keys())}'
-    return [found[number] for number in problem.handles]
+    chain = chain_at(problem.scene, t_s)
+    return [Handle(chain[n][0].real, chain[n][0].imag, chain[n][1]) for n in problem.handles]
 
 
-def place(b: Number, theta: Number, speed: Number) -> Handle:
-    """Return the handle at a polar angle; coordinates that are only rounding errors become 0."""
-    cos, sin = mp.cos_sin(theta)
-    x, y = (value if abs(value) > mp.mpf(10) ** -DIGITS else mp.zero for value in (cos, sin))
-    return Handle(b * theta * x, b * theta * y, speed)
+def reference(problem: Problem) -> list[list[Handle]]:
+    """Return the requested handles at each time, checked against a finer computation."""
+    states = []
+    for t_s in problem.times_s:
+        note(f'{problem.name} at {t_s!r} s')
+        coarse, fine = (handles_at(problem, t_s, DIGITS + GUARD + more) for more in (0, MORE))
+        small = mpf(10) ** -AGREED
+        for a, b in zip(coarse, fine, strict=True):
+            assert mp.hypot(a.x - b.x, a.y - b.y) <= small * (1 + mp.hypot(b.x, b.y)), (a, b)
+            assert abs(a.velocity - b.velocity) <= small * (1 + abs(b.velocity)), (a, b)
+        states.append(fine)
+    return states
 
 
-def head_angle(scene: Scene, b: Number, t_s: float) -> Number:
-    """Solve S(theta) = S(theta0) - v t by Newton's method, which converges monotonically from outside (convexity)."""
-    start = 2 * mp.pi * mp.mpf(scene.track.start_turns)
-    arc = arc_length(start) - mp.mpf(scene.head.speed_m_s) * mp.mpf(t_s) / b
-    assert arc >= 0, f'{t_s!r} s is after the head reaches the centre'
-    outside = mp.sqrt(2 * arc)
-    return root(lambda theta: (arc_length(theta) - arc, mp.sqrt(1 + theta * theta)), mp.zero, outside, outside)
+def figures() -> dict[str, str]:
+    """Return the answers to the design questions about the contest's turn."""
+    mp.dps = DIGITS + GUARD
+    scene = next(problem.scene for problem in hard_cases() if problem.name == 'turning')
+    track = turn_of(scene.track)
+    length = track.origins[3]
+    links = [mpf(link) for link in scene.dragon.link_lengths_m.tolist()][:3]
+
+    def ratio(metres: Number) -> Number:
+        *_, (_, velocity) = followed(track, track.place(metres), links, BACK, mp.one)
+        return abs(velocity)
+
+    mp.dps = 60
+    where = mp.findroot(lambda x: mp.diff(ratio, x, h=mpf(10) ** -18), (mpf('14.4799'), mpf('14.4800')), tol=1e-30,
+                        solver='secant')
+    top = ratio(where)
+    return {'turn_length_m': mp.nstr(length, WRITTEN), 'max_speed_ratio': mp.nstr(top, WRITTEN),
+            'max_speed_m_s': mp.nstr(2 / top, WRITTEN), 'max_speed_along_m': mp.nstr(where, 15),
+            'max_speed_past_exit_m': mp.nstr(where - length, 14)}
 
 
-def arc_length(theta: Number) -> Number:
-    """Return the arc length from the centre, in units of b."""
-    return (theta * mp.sqrt(1 + theta * theta) + mp.asinh(theta)) / 2
+def rows_of(problem: Problem, states: list[list[Handle]]) -> dict[str, Any]:
+    """Return the reference of a problem as JSON values."""
+    return {'handles': problem.handles, 'times_s': problem.times_s, 'states': [vectors_of(state) for state in states]}
 
 
-def march(theta: Number, chords: list[Number]) -> Iterator[tuple[Number, Number]]:
-    """Yield (polar angle, speed divided by the head's speed) for every handle."""
-    speed, before, last = mp.one, [], None
-    yield theta, speed
-    for chord in chords:
-        before = before if chord == last else []
-        link = next_handle(theta, chord, extrapolated(before))
-        theta, speed, last = theta + link.delta, speed * link.ratio, chord
-        before = [link.delta, *before[:3]]
-        yield theta, speed
+def vectors_of(handles: list[Handle]) -> dict[str, list[str]]:
+    """Return the state at one time: positions and velocities as decimal strings."""
+    arrays = {'x': [h.x for h in handles], 'y': [h.y for h in handles], 'vx': [h.velocity.real for h in handles],
+              'vy': [h.velocity.imag for h in handles]}
+    return {name: [mp.nstr(value, WRITTEN) for value in row] for name, row in arrays.items()}
 
 
-def extrapolated(before: list[Number]) -> Number:
-    """Return a first guess from the angles of the preceding equal links, newest first; 0 if there are none."""
-    if len(before) < 4:
-        return before[0] if before else mp.zero
-    return 4 * (before[0] + before[2]) - 6 * before[1] - before[3]
-
-
-def next_handle(theta: Number, chord: Number, guess: Number) -> Link:
-    """Return the link to the smallest root of the chord equation; a link of zero length leaves the speed unchanged."""
-    if chord == 0:
-        return Link(mp.zero, mp.one)
-    excess = excess_of(theta, chord)
-    high = +mp.pi if excess(+mp.pi)[0] >= 0 else first_rise(theta, excess)
-    guess = guess or 2 * mp.asin(min(1, chord / (2 * theta + 1)))
-    delta = root(excess, mp.zero if high == mp.pi else +mp.pi, high, guess)
-    if delta > mp.pi:
-        prove_smallest(theta, delta)
-    return Link(delta, projected(theta, delta, chord))
-
-
-def excess_of(theta: Number, chord: Number) -> Function:
-    """Return the function from delta to half of (squared chord - wanted squared chord), and its slope.
-
-    The slope, delta + 2 theta sin^2(delta/2) + theta (theta + delta) sin(delta), has only positive terms up to delta =
-    pi, so a root there is unique and the smallest one.
-    """
-    fixed = (theta * theta - chord * chord) / 2
-
-    def excess(delta: Number) -> tuple[Number, Number]:
-        cos, sin = mp.cos_sin(delta)
-        outer = theta + delta
-        across = theta * outer
-        return fixed + outer * outer / 2 - across * cos, outer - theta * cos + across * sin
-
-    return excess
-
-
-def first_rise(theta: Number, excess: Function) -> Number:
-    """Return an angle beyond pi, on the chord's first rise, at which the chord is too long."""
-    def falling(delta: Number) -> tuple[Number, Number]:
-        cos, sin = mp.cos_sin(delta)
-        return -excess(delta)[1], -(1 + 2 * theta * sin + theta * (theta + delta) * cos)
-
-    low, high = +mp.pi, mp.pi + mp.mpf(1) / 16
-    while excess(high)[0] < 0 < excess(high)[1]:
-        low, high = high, high + mp.mpf(1) / 16
-    if excess(high)[1] < 0:
-        high = root(falling, low, high, high)
-    assert excess(high)[0] >= 0, f'a link cannot be placed on the first rise: it locks at theta = {mp.nstr(theta, 20)}'
-    return high
-
-
-def prove_smallest(theta: Number, delta: Number) -> None:
-    """Prove with interval arithmetic that the chord grows everywhere from pi to delta."""
-    iv.dps = mp.dps
-    inner, pieces = iv.mpf(theta), [(+mp.pi, delta)]
-    for _ in range(100_000):
-        low, high = pieces.pop()
-        d = iv.mpf([low, high])
-        if not (d + inner * (1 - iv.cos(d)) + inner * (inner + d) * iv.sin(d)).a > 0:
-            pieces += [(low, (low + high) / 2), ((low + high) / 2, high)]
-        if not pieces:
-            return
-    raise AssertionError(f'the chord does not grow up to delta = {mp.nstr(delta, 20)}')
-
-
-def projected(theta: Number, delta: Number, chord: Number) -> Number:
-    """Return v[i+1] / v[i] = cos alpha / cos beta, computed from vectors with the front handle on the x axis.
-
-    The link vector also checks the root: it must be as long as the chord.
-    """
-    cos, sin = mp.cos_sin(delta)
-    outer = theta + delta
-    along, across = outer * cos - theta, outer * sin
-    assert abs((along * along + across * across) / (chord * chord) - 1) < mp.mpf(10) ** -DIGITS
-    front = (along + theta * across) / mp.sqrt(1 + theta * theta)
-    back = (along * (cos - outer * sin) + across * (sin + outer * cos)) / mp.sqrt(1 + outer * outer)
-    return front / back
-
-
-def root(function: Function, low: Number, high: Number, start: Number) -> Number:
-    """Return the root of an increasing function in [low, high]: Newton's method, or bisection if a step is too long.
-
-    The remaining error is the square of the last step times half the curvature over the slope; 10 digits are allowed
-    for it.
-    """
-    x, small = min(max(start, low), high), mp.mpf(10) ** -(mp.dps // 2 + 5)
-    for _ in range(500):
-        value, slope = function(x)
-        low, high = (low, x) if value > 0 else (x, high)
-        change = value / slope if slope > 0 else mp.inf
-        if abs(change) <= small * abs(x):
-            return x - change
-        x = x - change if low < x - change < high else (low + high) / 2
-    raise AssertionError(f'no root found in [{low}, {high}]')
-
-
-def check_agreement(coarse: list[Handle], fine: list[Handle]) -> None:
-    """Assert that two computations agree to AGREED digits, relative to the radius and to the speed."""
-    assert len(coarse) == len(fine)
-    for a, b in zip(coarse, fine, strict=True):
-        small = mp.mpf(10) ** -AGREED
-        assert mp.hypot(a.x - b.x, a.y - b.y) <= small * mp.hypot(b.x, b.y), (a, b)
-        assert abs(a.speed - b.speed) <= small * abs(b.speed), (a, b)
-
-
-def check_known_values(found: dict[str, list[list[Handle]]]) -> None:
-    """Assert that known values are reproduced to half a unit in their last digit."""
-    (start, *_), late = found['classic'], found['classic'][5]
-    known = [(start[1].x, '8.363823851'), (start[1].y, '2.826543891'), (start[1].speed, '0.999971038'),
-             (late[0].x, '4.420274'), (late[0].y, '2.320429'), (late[223].x, '1.785033'), (late[223].y, '9.301164')]
-    for value, text in known:
-        unit = mp.mpf(10) ** -len(text.partition('.')[2])
-        assert abs(value - mp.mpf(text)) <= unit / 2, (value, text)
-
-
-def text_of(found: dict[str, list[list[Handle]]]) -> str:
+def text_of(rows: dict[str, Any], told: dict[str, str]) -> str:
     """Return the file content: JSON with sorted keys, one line per problem and time."""
     header = {'script': Path(__file__).name, 'mpmath': mpmath.__version__, 'digits': DIGITS, 'written_digits': WRITTEN}
-    blocks = [f'"{problem.name}": {{"handles": {json.dumps(problem.handles)},\n'
-              f'"states": [\n{joined(state_of(state) for state in found[problem.name])}],\n'
-              f'"times_s": {json.dumps(problem.times_s)}}}' for problem in sorted(problems(), key=lambda p: p.name)]
-    return f'{{"header": {json.dumps(header, sort_keys=True)},\n"problems": {{\n{joined(blocks)}}}}}\n'
+    blocks = [f'"{name}": {{"handles": {json.dumps(rows[name]["handles"])},\n'
+              f'"states": [\n{joined(json.dumps(state, sort_keys=True) for state in rows[name]["states"])}],\n'
+              f'"times_s": {json.dumps(rows[name]["times_s"])}}}' for name in sorted(rows)]
+    return (f'{{"figures": {json.dumps(told, sort_keys=True)},\n"header": {json.dumps(header, sort_keys=True)},\n'
+            f'"problems": {{\n{joined(blocks)}}}}}\n')
 
 
-def state_of(handles: list[Handle]) -> str:
-    """Return the state at one time as JSON: decimal strings in three arrays."""
-    arrays = {name: [mp.nstr(getattr(handle, name), WRITTEN) for handle in handles] for name in Handle._fields}
-    return json.dumps(arrays, sort_keys=True)
-
-
-def joined(blocks: Iterator[str] | list[str]) -> str:
+def joined(blocks: Iterable[str]) -> str:
     """Return JSON values as lines of a list."""
     return ',\n'.join(blocks)
 
@@ -252,5 +364,17 @@ def note(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
+def main(names: list[str]) -> None:
+    """Compute, check and write the reference of all cases, or of the named ones."""
+    told = figures()
+    note(str(told))
+    known = json.loads(TARGET.read_text(encoding='ascii'))['problems'] if names else {}
+    found = {problem.name: rows_of(problem, reference(problem)) for problem in hard_cases()
+             if problem.name in names or not names}
+    rows = {problem.name: row for problem in hard_cases() if (row := {**known, **found}.get(problem.name))}
+    TARGET.write_text(text_of(rows, told), encoding='ascii')
+    note(f'{TARGET}: {TARGET.stat().st_size} bytes')
+
+
 if __name__ == '__main__':
-    main()
+    main(sys.argv[1:])

@@ -11,11 +11,10 @@ import numpy as np
 
 from dragon_ros.core.errors import MissingError
 from dragon_ros.core.numerics.types import Array, Floats
-from hard_cases.problems import Problem
+from hard_cases.cases import Problem
 
-_FOLDER = Path(__file__).resolve().parent
-_FILES = ('reference.json', 'dances.json')
-_KEYS = ('x', 'y', 'speed', 'vx', 'vy')     # the first file contains signed speeds, the second velocities
+_FILE = Path(__file__).resolve().with_name('reference.json')
+_KEYS = ('x', 'y', 'vx', 'vy')
 Solve = Callable[[float], tuple[Floats, Floats]]
 
 
@@ -23,7 +22,7 @@ Solve = Callable[[float], tuple[Floats, Floats]]
 class Truth:
     """Reference handles at the times of a problem; each number is the sum of two floats.
 
-    Arrays are (times, handles, 3): x, y, speed; or (times, handles, 4): x, y, vx, vy.
+    Arrays are (times, handles, 4): x, y, vx, vy.
     """
 
     high: Floats
@@ -36,30 +35,26 @@ class Truth:
         return out
 
 
-@lru_cache(maxsize=1)
-def _everything() -> dict[str, Any]:
-    return {name: row for file in _FILES for name, row in _read(file)['problems'].items()}
-
-
 def design_figures() -> dict[str, str]:
     """Return the length of the contest's turn and the largest speed of its head, as decimal strings."""
-    figures: dict[str, str] = _read(_FILES[1])['figures']
+    figures: dict[str, str] = _read()['figures']
     return figures
 
 
-def _read(file: str) -> dict[str, Any]:
-    content: dict[str, Any] = json.loads((_FOLDER / file).read_text(encoding='ascii'))
+@lru_cache(maxsize=1)
+def _read() -> dict[str, Any]:
+    content: dict[str, Any] = json.loads(_FILE.read_text(encoding='ascii'))
     return content
 
 
 @lru_cache(maxsize=64)
 def truth(problem: Problem) -> Truth:
     """Return the reference of a hard case. Raises MissingError if the case's times or handles are missing."""
-    row = _everything().get(problem.name)
+    row = _read()['problems'].get(problem.name)
     if row is None or tuple(row['times_s']) != problem.times_s or tuple(
             row['handles']) != problem.handles:
-        raise MissingError(f'{_FOLDER}: no reference for the current {problem.name}; run the scripts in this folder')
-    digits: Array = np.array([[state[key] for key in _KEYS if key in state] for state in row['states']], dtype=str)
+        raise MissingError(f'{_FILE}: no reference for the current {problem.name}; run make_reference.py')
+    digits: Array = np.array([[state[key] for key in _KEYS] for state in row['states']], dtype=str)
     exact = np.vectorize(Decimal, otypes=[object])(np.moveaxis(digits, 1, 2))
     high = exact.astype(np.float64)
     rest = exact - np.vectorize(Decimal, otypes=[object])(high)

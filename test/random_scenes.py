@@ -9,14 +9,14 @@ too tight, chains that are locked from the start, accuracies beyond floats), as 
 The parts of a scene are drawn in this order:
 
 1. the benches: 1 to 300; all equal, with a longer or shorter head, or mixed; with insets from zero to half a bench,
-   which leaves links of zero length; occasionally wide, or long for their track;
-2. the track: a single spiral (walked inwards, outwards, or far out, up to 1e5 turns), an S-turn, a circle, or a
+   which leaves the smallest links; occasionally wide, or long for their track;
+2. the track: a single spiral (walked inwards, outwards, or far out, up to 600 turns), an S-turn, a circle, or a
    composite of lines, arcs and spirals. Pitches and radii are drawn for these benches, from less than they need to
    several times as much, so that about half of the runs have a contact, some lock and some reach the end of the track;
    3. the leader: head or tail, forwards or backwards, at a constant speed or by a profile with ramps, jumps, rests and
    reversals; 4. the run, the accuracy, the effects and their settings.
 
-In one scene in ten, all lengths, and therefore the speed, are in another unit, between 1e-6 m and 1e6 m.
+In one scene in ten, all lengths, and therefore the speed, are in another unit, between 0.2 m and 5 m.
 
 ``./dragon python test/random_scenes.py SEED`` prints a scene as a file (JSON, which is YAML) that every command
 accepts.
@@ -113,7 +113,7 @@ class Way(NamedTuple):
 def random_scene(seed: int) -> dict[str, Any]:
     """Return the values of one scene file."""
     dice = Dice(seed)
-    unit_m = dice.scaled(1e-6, 1e6) if dice.chance(10) else 1.0
+    unit_m = dice.scaled(0.2, 5) if dice.chance(10) else 1.0
     kind = dice.one_by_parts(KINDS)
     benches = _benches(dice, kind, unit_m)
     way = _TRACKS[kind](dice, benches)
@@ -128,7 +128,7 @@ def kind_of(seed: int) -> str:
     """Return the kind of a seed's scene, one of KINDS."""
     dice = Dice(seed)
     if dice.chance(10):
-        dice.scaled(1e-6, 1e6)
+        dice.scaled(0.2, 5)
     return dice.one_by_parts(KINDS)
 
 
@@ -139,12 +139,12 @@ def _benches(dice: Dice, kind: str, unit_m: float) -> Benches:
     count = 1 if dice.chance(1) else count
     body = figures(unit_m * dice.one(2.2, dice.between(0.6, 3.5)))
     inset = figures(body * dice.one_by_parts({0.125: 55, 0.0: 15, dice.between(0, 0.2): 28,
-                                              dice.between(0.2, 0.5): 2}))
+                                              dice.between(0.2, 0.45): 2}))
     if dice.chance(1.5):
-        inset = 0.5 * body      # handles coincide exactly, so that the links have zero length
+        inset = 0.5 * body - max(0.03, 0.03 * body)     # the smallest links, and a sixteenth of the bench
     width = figures(body * dice.one_by_parts({0.136364: 55, dice.between(0.03, 0.25): 42, dice.scaled(0.3, 2.0): 3}))
     one = {'width_m': width, 'hole_inset_m': inset}
-    least = max(2 * inset, 0.05 * body)
+    least = max(2 * inset + 0.051, 1.07 * 2 * inset, 0.05 * body)    # links of 0.05 m, and a twentieth of the bench
     how = dice.one_by_parts({'longer head': 42, 'equal': 28, 'shorter head': 5, 'mixed': 25})
     if how == 'mixed':
         groups = _groups(dice, count, least, body)
@@ -153,7 +153,7 @@ def _benches(dice: Dice, kind: str, unit_m: float) -> Benches:
     head = {'longer head': body * dice.one(1.55, dice.between(1, 3)), 'equal': body,
             'shorter head': max(least, body * dice.between(0.3, 1))}[how]
     head = head if how == 'equal' else figures(head)
-    head = max(head, 2 * inset)     # the holes must still fit after rounding
+    head = max(head, least)
     section = {'benches': count, 'head_length_m': head, 'body_length_m': body, **one}
     return Benches(section if dice.chance(50) else {'kind': 'equal', **section}, [head] + [body] * (count - 1), inset,
                    width)
@@ -217,7 +217,7 @@ def _far(dice: Dice, benches: Benches) -> Way:
     """A single spiral so far out that polar angles have few digits left."""
     pitch = max(_pitch(dice, benches, 10 * benches.longest_link_m), 0.95 * benches.width_m)
     lead = dice.one('head', 'head', 'tail')
-    return Way(_spiral(dice, pitch, dice.scaled(1e2, 1e5)), benches.longest_link_m * dice.scaled(2, 50), lead,
+    return Way(_spiral(dice, pitch, dice.scaled(1e2, 600)), benches.longest_link_m * dice.scaled(2, 50), lead,
                dice.one(1, 1, -1))
 
 

@@ -29,13 +29,14 @@ ROOMS = {**{room: BELOW_NODES[:rank] for rank, room in enumerate(BELOW_NODES)},
          'verify': ()}
 STARTS = {'commands': {'verify', 'nodes.one_path'}}     # these modules are started as processes
 # The rooms and single modules of the core, and the parts of the core that each may import besides itself.
-VALUES = ('errors', 'checks', 'flags', 'words')
-CHAIN = ('errors', 'checks', 'numerics', 'tracks', 'chain')
+VALUES = ('errors', 'checks', 'domain', 'flags', 'words')
+CHAIN = ('errors', 'checks', 'domain', 'numerics', 'tracks', 'chain')
 MODEL = (*VALUES, *CHAIN, 'venue', 'tiers', 'scene', 'shift_map', 'paper', 'model')
 CORE_ROOMS = {
-    'errors': (), 'limits': (), 'numerics': (), 'words': (), 'checks': ('errors',), 'flags': ('errors', 'checks'),
-    'venue': ('errors', 'checks', 'limits', 'words'),
-    'tracks': CHAIN[:3], 'chain': CHAIN[:4], 'tiers': CHAIN[:4], 'scene': (*VALUES, 'tracks', 'chain', 'venue'),
+    'errors': (), 'limits': (), 'numerics': (), 'words': (), 'checks': ('errors',),
+    'domain': ('errors', 'checks'), 'flags': ('errors', 'checks', 'domain'),
+    'venue': ('errors', 'checks', 'domain', 'limits', 'words'),
+    'tracks': CHAIN[:4], 'chain': CHAIN[:5], 'tiers': CHAIN[:5], 'scene': (*VALUES, 'tracks', 'chain', 'venue'),
     'paper': CHAIN, 'shift_map': (*CHAIN, 'tiers'), 'model': MODEL[:-1], 'geometry': (*CHAIN, 'venue', 'limits'),
     'enclosures': (*CHAIN, 'geometry'), 'frame': (*CHAIN, 'geometry'), 'search': (*MODEL, 'geometry', 'enclosures'),
     'effects': (*MODEL, 'geometry', 'frame'), 'step': (*MODEL, 'geometry', 'frame', 'effects'),

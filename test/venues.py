@@ -22,11 +22,11 @@ SCENES = {
     'turn': Scene(Dragon(10), STurn(before_m=3.0), run=Run(stop_s=18.0)),
     'spiral': Scene(Dragon(12), Spiral(0.55, 5.0), run=Run(stop_s=60.0)),
     'mixed spiral': Scene(MIXED, Spiral(0.7, 4.0), Profile(((0.0, 1.0), (30.0, -0.5))), Run(stop_s=40.0)),
-    'links of no length': Scene(Dragon(4, 0.6, 0.5, 0.2, 0.25), STREET, run=Run(stop_s=16.0))}
+    'the smallest links': Scene(Dragon(4, 0.6, 0.55, 0.2, 0.25), STREET, run=Run(stop_s=16.0))}
 MORE = {
     'coils': Scene(Dragon(7), Composite((Line(6.0), SpiralArc(1.5, 3.0, 2.0, 'left'), Line(4.0)), 3.0),
                    run=Run(stop_s=25.0)),
-    'a link of no length': Scene(Dragon(2, 0.6, 0.5, 0.2, 0.25), STREET, run=Run(stop_s=16.0)),
+    'the smallest link': Scene(Dragon(2, 0.6, 0.55, 0.2, 0.25), STREET, run=Run(stop_s=16.0)),
     'spiral led by the tail, back and on': Scene(Dragon(9), Spiral(1.2, 4.0), Profile(
         ((0.0, 1.0), (8.0, 1.0), (10.0, -1.0), (13.0, -1.0), (15.0, 1.0), (30.0, 1.0)), lead='tail'), Run(stop_s=30.0)),
     'turn led by the tail': Scene(Dragon(8), STurn(before_m=12.0), Head(1.0, 'tail'), Run(stop_s=10.0))}

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from dragon_ros.cli import command_line
 from dragon_ros.cli.progress import Progress
 from dragon_ros.core.checks import number
+from dragon_ros.core.domain import SPEED
 from dragon_ros.core.errors import FieldError, InputError
 
 if TYPE_CHECKING:       # imported lazily, because each question needs only a few modules
@@ -150,7 +151,7 @@ def _max_speed_answer(arguments: Namespace) -> dict[str, Any]:
     from dataclasses import asdict
 
     from dragon_ros.core.search.max_speed import max_speed
-    limit = number('--limit', arguments.limit, above=0.0, high=1e9)
+    limit = number('--limit', arguments.limit, above=0.0, high=SPEED.high)
     scene = command_line.scene_from(arguments)
     with Progress('max-speed', 'positions') as bar:
         found = max_speed(scene, bar.update)

@@ -6,6 +6,7 @@ from functools import lru_cache
 from types import SimpleNamespace
 
 from dragon_ros.core.checks import number, settle, whole
+from dragon_ros.core.domain import TIME
 from dragon_ros.core.errors import FieldError, did_you_mean
 
 
@@ -115,5 +116,5 @@ class Trails:
 
     def __post_init__(self) -> None:
         """Reject invalid trail settings."""
-        settle(self, seconds=number('trails.seconds', self.seconds, above=0.0, high=1e9),
+        settle(self, seconds=number('trails.seconds', self.seconds, above=0.0, high=TIME.high),
                points=whole('trails.points', self.points, low=2, high=10_000))

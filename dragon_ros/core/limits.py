@@ -13,7 +13,6 @@ SCENE_FILE_BYTES = 2 * MB
 SCENE_CHARACTERS = 64 * KB
 YAML_DEPTH = 32
 YAML_VALUES = 100_000
-SCENE_BENCHES = 20_000
 SCENE_TICKS = 10_000_000
 SEARCHED_BENCHES = 2000
 SEARCH_WORK = 50_000_000
@@ -41,7 +40,7 @@ PICTURE_TICKS = 2_000_000
 LED_TICKS = 2_000_000
 
 # Messages and nodes
-COORDINATE_M = 1e30
+COORDINATE_M = 1e6      # beyond the world, so that bags of earlier versions are read
 MARKER_RUNS = 10_000
 MONITOR_BYTES = 256 * MB
 INBOX_BYTES = 128 * MB
@@ -94,7 +93,6 @@ LIMITS = (
           'not read without `--trust`; a recorder stores it unread'),
     Limit('YAML_DEPTH', 'the nesting depth of a YAML document', 'levels', 'rejected'),
     Limit('YAML_VALUES', 'the values of a YAML document with expanded aliases', 'values', 'rejected'),
-    Limit('SCENE_BENCHES', 'the benches of an untrusted scene', 'benches', 'not computed without `--trust`'),
     Limit('SCENE_TICKS', 'the ticks of an untrusted scene', 'ticks', 'not computed without `--trust`'),
     Limit('SEARCHED_BENCHES', 'the benches of an untrusted scene in a search for the first contact', 'benches',
           'reported as unknown without `--trust`; `inspect --check` uses the certificate in the bag'),

@@ -23,6 +23,7 @@ from dragon_ros.core.chain.forward import blocks_of, forward, forward_many
 from dragon_ros.core.chain.leader import Leader
 from dragon_ros.core.chain.lock import head_lock_angle
 from dragon_ros.core.checks import number
+from dragon_ros.core.domain import COORDINATE, TIME
 from dragon_ros.core.errors import ChainLockError, FieldError, ModelEnd, TrackEndError
 from dragon_ros.core.flags import switches
 from dragon_ros.core.numerics.types import Floats, read_only
@@ -212,8 +213,26 @@ class Simulation:
 
     @cached_property
     def size_m(self) -> float:
-        """A bound on the distance of every handle from the origin in this run, in metres."""
-        return self.model.size_m(self.scene.head.extent_m(self.scene.run.stop_s or 0.0))
+        """A bound on the size of all coordinates that occur in this run, in metres."""
+        return self.model.size_m(self._travel_m)
+
+    @cached_property
+    def _travel_m(self) -> tuple[float, float]:
+        """The range that the leader may travel in this run; without a stop, the whole track ahead counts."""
+        run, law = self.scene.run, self.scene.head
+        if self.scene.is_led:
+            least, most = 0.0, 0.0      # a led dragon is judged where it starts, and on the track ahead
+        else:
+            least, most = law.extent_m(run.start_s if run.stop_s is None else run.stop_s)
+        ahead_m = self.model.leader.range_m[1]
+        return least, ahead_m if run.stop_s is None and ahead_m < inf else most
+
+    def check_world(self) -> None:
+        """Raise FieldError if handles may leave the world in this run."""
+        plane_m = self.model.leader.plane_m(self._travel_m)
+        if plane_m > COORDINATE.high:
+            raise FieldError('track', f'{plane_m:.6g} m', 'handles would be so far from the origin; the world ends at '
+                             f'{COORDINATE.high:g} m', 'stop the run earlier, or move or shorten the track')
 
     @cached_property
     def tier(self) -> Tier:
@@ -266,6 +285,9 @@ class Simulation:
     @cached_property
     def last_tick(self) -> int:
         """The number of the last tick of the run."""
+        if self.end.t_s > TIME.high:
+            raise FieldError('run.stop_s', None, f'the run would end at {self.end.t_s:.6g} s; the longest run lasts '
+                             f'{TIME.high:g} s', 'give an earlier stop')
         run = self.scene.run
         last_stamp_s = self.end.t_s + run.stamp_offset_s
         if last_stamp_s > LATEST_S:
@@ -429,6 +451,7 @@ class _Compiled:
     def _compiled(self, scene: Scene) -> Simulation:
         """Return a new simulation, with the cached model if there is one."""
         simulation = self._at(scene, tier_for(scene.accuracy))
+        simulation.check_world()
         tier = tier_for(scene.accuracy, simulation.size_m)      # may differ if the accuracy is given in metres
         return simulation if tier is simulation.tier else self._at(scene, tier)
 

@@ -6,7 +6,8 @@ from functools import cached_property, lru_cache
 from dragon_ros.core.chain.commanded import Commanded, HeadLaw, Walked
 from dragon_ros.core.chain.dragon import AnyDragon, Dragon, is_even
 from dragon_ros.core.chain.head_law import Head
-from dragon_ros.core.checks import choice, number, settle
+from dragon_ros.core.checks import Settings, choice, number, settle
+from dragon_ros.core.domain import RATE, TIME
 from dragon_ros.core.errors import FieldError, did_you_mean
 from dragon_ros.core.flags import Effect, Noise, Trails, check_needs
 from dragon_ros.core.tracks.spec import Spiral, TrackSpec
@@ -20,7 +21,7 @@ ACCURACIES = ('paper', 'preview', 'standard', 'fine', 'exact')
 
 
 @dataclass(frozen=True)
-class Run:
+class Run(Settings):
     """The start, stop and tick rate of a run; if ``stop_s`` is None, the run lasts until the model ends.
 
     Stamps are times of the simulation plus ``stamp_offset_s``: names in ``_s`` are times of the simulation, names in
@@ -34,12 +35,12 @@ class Run:
 
     def __post_init__(self) -> None:
         """Reject a run that ends before it starts."""
-        settle(self, start_s=number('run.start_s', self.start_s, low=0.0, high=LATEST_S),
-               rate_hz=number('run.rate_hz', self.rate_hz, low=1e-6, high=1e6))
+        settle(self, start_s=TIME.checked('run.start_s', self.start_s),
+               rate_hz=RATE.checked('run.rate_hz', self.rate_hz))
         settle(self, stamp_offset_s=number('run.stamp_offset_s', self.stamp_offset_s, low=-self.start_s,
                                            high=LATEST_S - self.start_s))
         if self.stop_s is not None:
-            settle(self, stop_s=number('run.stop_s', self.stop_s, high=LATEST_S))
+            settle(self, stop_s=number('run.stop_s', self.stop_s, high=TIME.high))
             if self.stop_s < self.start_s:
                 raise FieldError('run.stop_s', self.stop_s, f'the run starts at {self.start_s} s', 'give a later stop')
 

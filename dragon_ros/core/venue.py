@@ -11,12 +11,13 @@ from math import isfinite
 from typing import Any
 
 from dragon_ros.core.checks import number, settle
+from dragon_ros.core.domain import VENUE
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.limits import VENUE_CORNERS
 from dragon_ros.core.words import counted
 
 INSIDE = 'inside'       # the name of the boundary, which no obstacle may have
-FARTHEST_M = 1e9
+FARTHEST_M = 1e9      # coordinates in messages, which may be those of a map
 _MAP_M = 2.1e7           # no map of the earth has larger coordinates
 _LONGEST = 100          # maximum number of characters of a name
 _AROUND = 'list its corners in order around the polygon'
@@ -132,7 +133,7 @@ class Venue:
             inside = _ring('venue.inside', INSIDE, inside)
             _check_simple('venue.inside', INSIDE, inside, ())
         settle(self, obstacles=tuple(one.checked(f'venue.obstacles.{n}') for n, one in enumerate(self.obstacles, 1)),
-               inside=inside, margin_m=number('venue.margin_m', self.margin_m, low=0.0, high=FARTHEST_M))
+               inside=inside, margin_m=number('venue.margin_m', self.margin_m, low=0.0, high=VENUE.high))
         self._check_names()
 
     def _check_names(self) -> None:
@@ -186,9 +187,9 @@ def _points(field: str, name: str, values: Any) -> Points:
         raise FieldError(field, values, f'{name!r} needs a list of points', 'write for example [[0, 0], [4, 0]]')
     flat = [*chain.from_iterable(values)]
     for n, one in enumerate(flat):
-        if type(one) not in (float, int) or not isfinite(one) or abs(one) > FARTHEST_M:
+        if type(one) not in (float, int) or not isfinite(one) or abs(one) > VENUE.high:
             raise FieldError(f'{field}.{n // 2 + 1}', one, f'coordinates of {name!r} must be finite and at most '
-                             f'{FARTHEST_M:g} m', 'give this point in metres')
+                             f'{VENUE.high:g} m', f'give this point in metres, {VENUE.cure}')
     points = [*zip((float(x) + 0.0 for x in flat[::2]), (float(y) + 0.0 for y in flat[1::2]), strict=True)]
     return (*points[:1], *(after for before, after in pairwise(points) if after != before))
 

@@ -1,8 +1,9 @@
 """All parameters of the nodes: name, default, limits and text. This module imports little, to keep --help fast."""
 from typing import Any, NamedTuple
 
-# A test checks that these equal the values in core.scene and core.geometry.tracker, which are slow to import.
-LATEST_S = 2**31 - 1
+LATEST_S = 2**31 - 1    # a ROS stamp stores seconds as int32
+# A test checks that these equal the values in core.domain and core.geometry.tracker, which are slow to import.
+LONGEST_RUN_S, MOST_HZ = 1e6, 1e4
 NEAR_M = 0.02
 DISCOVERY_S = 4.0       # nodes/publisher_queue.py explains this value
 _AS_SCENE = -1.0
@@ -42,9 +43,11 @@ SIM = (
     Parameter('set', [''], 'Overrides of scene keys, each as key=value with a dotted key; those of the option --set '
               'are applied afterwards'),
     Parameter('accuracy', '', 'Largest position error, in metres or as a tier; empty: as in the scene', or_number=True),
-    Parameter('start_s', _AS_SCENE, 'Time of the first tick in seconds; negative: as in the scene', -1.0, LATEST_S),
-    Parameter('stop_s', _AS_SCENE, 'Time of the end of the run in seconds; negative: as in the scene', -1.0, LATEST_S),
-    Parameter('rate_hz', _AS_SCENE, 'Ticks per second of simulation; negative: as in the scene', -1.0, 1e6),
+    Parameter('start_s', _AS_SCENE, 'Time of the first tick in seconds; negative: as in the scene', -1.0,
+              LONGEST_RUN_S),
+    Parameter('stop_s', _AS_SCENE, 'Time of the end of the run in seconds; negative: as in the scene', -1.0,
+              LONGEST_RUN_S),
+    Parameter('rate_hz', _AS_SCENE, 'Ticks per second of simulation; negative: as in the scene', -1.0, MOST_HZ),
     Parameter('stamp_offset', '', 'Seconds by which all stamps, /clock and bag times are later than the time of the '
               'simulation, or wall: the first tick has the wall time; empty: as in the scene', or_number=True),
     Parameter('time_scale', 1.0, 'Seconds of simulation per second of wall time; 0, which can only be set at the '

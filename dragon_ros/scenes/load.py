@@ -16,7 +16,7 @@ from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.errors import FieldError, InputError, MissingError, did_you_mean, shown
 from dragon_ros.core.flags import Noise, Trails, effects_of
-from dragon_ros.core.limits import SCENE_BENCHES, SCENE_CHARACTERS, SCENE_TICKS, VENUE_BYTES
+from dragon_ros.core.limits import SCENE_CHARACTERS, SCENE_TICKS, VENUE_BYTES
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.tracks.spec import PIECES, Composite, Spiral, STurn
@@ -275,8 +275,6 @@ def strangers_scene(name: str, text: str, trust: bool = False) -> Scene:
         _within(name, 'characters', len(text) - _characters_of_corners(text), SCENE_CHARACTERS)
     document = parse_document(name, text)
     scene = _settings(document)
-    if not trust:
-        _within(name, 'benches', scene.dragon.benches, SCENE_BENCHES)
     _check_compiled(document, scene)
     if not trust:
         with suppress(FieldError):      # an endless run is rejected later, when its ticks are iterated

@@ -21,16 +21,18 @@ VERSION = 3         # newest supported version; certificates of dragon_ros up to
 _WITH_VENUE = 3     # first version of certificates that may have a venue
 MOST_BYTES = 64 * 2**20
 MOST_ROWS = 250_000
-MOST_BENCHES = 100_000
-MOST_PIECES = 1000
 MOST_CORNERS = 100_000
 _LONGEST_NAME = 100     # characters
 _INSIDE = 'inside'      # name of the outline that benches must not leave
-MOST_KNOTS = 10_000
-MOST_GROUPS = 10_000
-_LEAST_LINK = 2e-10     # shortest link, relative to the longest bench, whose direction rounding errors do not obscure
 _DIGITS = 400           # maximum number of digits of a whole number; the largest float has 309
-_LATEST_S = 2.0**31
+# The world in which claims hold: a copy of ``core.domain``, which a test holds equal.
+WORLD: dict[str, tuple[float, float]] = {
+    'LINK': (0.05, 50.0), 'LONGEST_BENCH': (1.0, 20.0), 'WIDTH': (0.001, 100.0), 'BENCHES': (1, 20_000),
+    'PITCH': (0.01, 100.0), 'COORDINATE': (-1e4, 1e4), 'TRACK': (0.0, 1e6), 'RADIUS': (0.01, 1e9), 'PIECES': (1, 1000),
+    'SPEED': (-100.0, 100.0), 'KNOTS': (1, 10_000), 'TIME': (0.0, 1e6), 'RATE': (1e-3, 1e4), 'VENUE': (-1e5, 1e5)}
+_LATEST_S, _LONGEST_M, _MOST_BENCHES = WORLD['TIME'][1], WORLD['TRACK'][1], int(WORLD['BENCHES'][1])
+MOST_KNOTS, MOST_PIECES = int(WORLD['KNOTS'][1]), int(WORLD['PIECES'][1])
+_OUTSIDE = 'dragon_ros 0.3 verifies certificates of scenes outside the world of later versions'
 
 
 @dataclass(frozen=True)
@@ -321,7 +323,7 @@ def _points(name: str, value: Any, fewest: int) -> tuple[tuple[float, float], ..
     """Return the points of a line or, if ``fewest`` is at least 3, of a closed ring."""
     points = []
     for n, one in enumerate(_list(name, value, fewest, MOST_CORNERS)):
-        x, y = (_number(f'{name}[{n}]', each, -1e9, 1e9) for each in _list(f'{name}[{n}]', one, 2, 2))
+        x, y = (_in_world(f'{name}[{n}]', each, 'VENUE') for each in _list(f'{name}[{n}]', one, 2, 2))
         points.append((x, y))
     points += points[:1] if fewest > 2 else []
     if any(one == two for one, two in pairwise(points)):
@@ -332,30 +334,30 @@ def _points(name: str, value: Any, fewest: int) -> tuple[tuple[float, float], ..
 def _dragon(value: Any) -> tuple[tuple[float, ...], float, float]:
     name = 'scene.dragon'
     lengths = _kind(name, value, _DRAGONS)
-    width_m = _number(f'{name}.width_m', value['width_m'], 1e-12, 1e12)
-    inset_m = _number(f'{name}.hole_inset_m', value['hole_inset_m'], 0, 1e12)
-    if min(lengths) < 2 * inset_m:
-        raise Refused(f'{name}: a bench of {min(lengths)!r} m is too short for two holes {inset_m!r} m from its ends')
-    links = [float(Fraction(length_m) - 2 * Fraction(inset_m)) for length_m in set(lengths)]
-    if any(0 < link_m < _LEAST_LINK * max(lengths) for link_m in links):
-        raise Refused(f'{name}: a link of {min(filter(None, links)):.3g} m is too short to have a direction in floats')
+    width_m = _in_world(f'{name}.width_m', value['width_m'], 'WIDTH')
+    inset_m = _number(f'{name}.hole_inset_m', value['hole_inset_m'], 0, 1e3)
+    for length_m in set(lengths):
+        link_m = round(length_m - 2 * inset_m, 12)
+        _in_world(f'{name}: the link of a bench of {length_m!r} m', link_m, 'LINK')
+        _in_world(f'{name}: the length of a bench of {length_m!r} m in links', round(length_m / link_m, 9),
+                  'LONGEST_BENCH')
     return lengths, width_m, inset_m
 
 
 def _equal(name: str, value: dict[str, Any]) -> tuple[float, ...]:
     _keys(name, value, {'kind', 'benches', 'head_length_m', 'body_length_m', 'width_m', 'hole_inset_m'})
-    benches = int(_number(f'{name}.benches', value['benches'], 1, MOST_BENCHES, whole=True))
-    head_m, body_m = (_number(f'{name}.{key}', value[key], 1e-12, 1e12) for key in ('head_length_m', 'body_length_m'))
+    benches = int(_number(f'{name}.benches', value['benches'], 1, _MOST_BENCHES, whole=True))
+    head_m, body_m = (_number(f'{name}.{key}', value[key], 0, 1e3) for key in ('head_length_m', 'body_length_m'))
     return (head_m,) + (body_m,) * (benches - 1)
 
 
 def _mixed(name: str, value: dict[str, Any]) -> tuple[float, ...]:
     _keys(name, value, {'kind', 'groups', 'width_m', 'hole_inset_m'})
     out: list[float] = []
-    for n, one in enumerate(_list(f'{name}.groups', value['groups'], 1, MOST_GROUPS)):
+    for n, one in enumerate(_list(f'{name}.groups', value['groups'], 1, _MOST_BENCHES)):
         group = _keys(f'{name}.groups[{n}]', one, {'length_m', 'count'})
-        count = int(_number(f'{name}.groups[{n}].count', group['count'], 1, MOST_BENCHES - len(out), whole=True))
-        out += [_number(f'{name}.groups[{n}].length_m', group['length_m'], 1e-12, 1e12)] * count
+        count = int(_number(f'{name}.groups[{n}].count', group['count'], 1, _MOST_BENCHES - len(out), whole=True))
+        out += [_number(f'{name}.groups[{n}].length_m', group['length_m'], 0, 1e3)] * count
     return tuple(out)
 
 
@@ -364,16 +366,16 @@ _DRAGONS: dict[str, Callable[[str, dict[str, Any]], tuple[float, ...]]] = {'equa
 
 def _spiral(name: str, value: dict[str, Any]) -> Spiral:
     _keys(name, value, {'kind', 'pitch_m', 'start_turns'})
-    return Spiral(_number(f'{name}.pitch_m', value['pitch_m'], 1e-12, 1e12),
-                  _number(f'{name}.start_turns', value['start_turns'], 0, 1e9))
+    return Spiral(_in_world(f'{name}.pitch_m', value['pitch_m'], 'PITCH'),
+                  _number(f'{name}.start_turns', value['start_turns'], 0, 1e4))
 
 
 def _turn(name: str, value: dict[str, Any]) -> Turn:
     _keys(name, value, {'kind', 'pitch_m', 'diameter_m', 'ratio', 'before_m'})
-    return Turn(_number(f'{name}.pitch_m', value['pitch_m'], 1e-9, 1e9),
-                _number(f'{name}.diameter_m', value['diameter_m'], 1e-9, 1e9),
-                _number(f'{name}.ratio', value['ratio'], 1e-6, 1e6),
-                _number(f'{name}.before_m', value['before_m'], -1e9, 1e9))
+    return Turn(_in_world(f'{name}.pitch_m', value['pitch_m'], 'PITCH'),
+                _number(f'{name}.diameter_m', value['diameter_m'], WORLD['RADIUS'][0], 2 * WORLD['COORDINATE'][1]),
+                _number(f'{name}.ratio', value['ratio'], 1e-3, 1e3),
+                _number(f'{name}.before_m', value['before_m'], -_LONGEST_M, _LONGEST_M))
 
 
 def _joined(name: str, value: dict[str, Any]) -> Pieces:
@@ -383,7 +385,7 @@ def _joined(name: str, value: dict[str, Any]) -> Pieces:
         here = f'{name}.pieces[{n}]'
         pieces.append(_kind(here, one, _PIECES))
         poses.append(_pose(here, one))
-    return Pieces(tuple(pieces), tuple(poses), _number(f'{name}.start_m', value['start_m'], -1e9, 1e12))
+    return Pieces(tuple(pieces), tuple(poses), _number(f'{name}.start_m', value['start_m'], -_LONGEST_M, _LONGEST_M))
 
 
 _TRACKS: dict[str, Callable[[str, dict[str, Any]], Any]] = {'spiral': _spiral, 'turn': _turn, 'joined': _joined}
@@ -393,14 +395,14 @@ _POSE = {'at_m', 'heading_deg'}
 def _pose(name: str, value: dict[str, Any]) -> Pose:
     at_m, heading = value.get('at_m'), value.get('heading_deg')
     if at_m is not None:
-        x, y = (_number(f'{name}.at_m', one, -1e9, 1e9) for one in _list(f'{name}.at_m', at_m, 2, 2))
+        x, y = (_in_world(f'{name}.at_m', one, 'COORDINATE') for one in _list(f'{name}.at_m', at_m, 2, 2))
         at_m = x, y
     return Pose(at_m, None if heading is None else _number(f'{name}.heading_deg', heading, -1e6, 1e6))
 
 
 def _line(name: str, value: dict[str, Any]) -> Line:
     _keys(name, value, {'kind', 'length_m'}, _POSE)
-    return Line(_number(f'{name}.length_m', value['length_m'], 1e-12, 1e9))
+    return Line(_number(f'{name}.length_m', value['length_m'], 1e-12, _LONGEST_M))
 
 
 def _arc(name: str, value: dict[str, Any]) -> Arc:
@@ -408,15 +410,15 @@ def _arc(name: str, value: dict[str, Any]) -> Arc:
     angle = _number(f'{name}.angle_deg', value['angle_deg'], -1e6, 1e6)
     if not angle:
         raise Refused(f'{name}.angle_deg: an arc must turn')
-    return Arc(_number(f'{name}.radius_m', value['radius_m'], 1e-12, 1e9), angle)
+    return Arc(_in_world(f'{name}.radius_m', value['radius_m'], 'RADIUS'), angle)
 
 
 def _coil(name: str, value: dict[str, Any]) -> Coil:
     _keys(name, value, {'kind', 'pitch_m', 'from_turns', 'to_turns', 'side'}, _POSE)
-    first, last = (_number(f'{name}.{key}', value[key], 1e-3, 1e6) for key in ('from_turns', 'to_turns'))
+    first, last = (_number(f'{name}.{key}', value[key], 1e-3, 1e4) for key in ('from_turns', 'to_turns'))
     if first == last or value['side'] not in ('left', 'right'):
         raise Refused(f'{name}: from_turns and to_turns of a spiral must differ, and its side must be left or right')
-    return Coil(_number(f'{name}.pitch_m', value['pitch_m'], 1e-9, 1e9), first, last, value['side'] == 'left')
+    return Coil(_in_world(f'{name}.pitch_m', value['pitch_m'], 'PITCH'), first, last, value['side'] == 'left')
 
 
 _PIECES: dict[str, Callable[[str, dict[str, Any]], Piece]] = {'line': _line, 'arc': _arc, 'spiral': _coil}
@@ -432,7 +434,7 @@ def _head(value: Any) -> tuple[Law, bool]:
 
 def _constant(name: str, value: dict[str, Any]) -> Law:
     _keys(name, value, {'kind', 'speed_m_s', 'lead'})
-    return Law(((Fraction(0), Fraction(_number(f'{name}.speed_m_s', value['speed_m_s'], -1e9, 1e9))),))
+    return Law(((Fraction(0), Fraction(_in_world(f'{name}.speed_m_s', value['speed_m_s'], 'SPEED'))),))
 
 
 def _profile(name: str, value: dict[str, Any]) -> Law:
@@ -443,8 +445,8 @@ def _profile(name: str, value: dict[str, Any]) -> Law:
     for n, knot in enumerate(_list(f'{name}.knots', value['knots'], 1, MOST_KNOTS)):
         here = f'{name}.knots[{n}]'
         t_s, speed = _list(here, knot, 2, 2)
-        knots.append((Fraction(_number(here, t_s, knots[-1][0] if knots else 0, 1e10 if knots else 0)),
-                      Fraction(_number(here, speed, -1e9, 1e9))))
+        knots.append((Fraction(_number(here, t_s, knots[-1][0] if knots else 0, _LATEST_S if knots else 0)),
+                      Fraction(_in_world(here, speed, 'SPEED'))))
     return Law(tuple(knots), value['ramps'] == 'smooth')
 
 
@@ -488,6 +490,15 @@ def _number(name: str, value: Any, low: float | Fraction, high: float, whole: bo
         number = float('inf')
     if not isfinite(number) or not low <= number <= high:
         raise Refused(f'{name}: {number!r} is not between {float(low)!r} and {float(high)!r}')
+    return number
+
+
+def _in_world(name: str, value: Any, quantity: str) -> float:
+    """Return a number within the limits of a quantity of the world, as a float."""
+    low, high = WORLD[quantity]
+    number = _number(name, value, -1e300, 1e300)
+    if not low <= number <= high:
+        raise Refused(f'{name}: {number!r} is not between {low!r} and {high!r}; {_OUTSIDE}')
     return number
 
 

@@ -83,10 +83,10 @@ def test_models_are_kept_in_bytes(monkeypatch):
 
 
 def test_metres_choose_the_tier_that_keeps_them_as_far_out_as_the_run_goes():
-    far = Scene(track=Spiral(0.55, 1e5), accuracy=1e-8)
-    assert compile_scene(far).tier.name == 'exact'      # floats cannot provide 1e-9 m there
-    assert 5e-9 < compile_scene(far).promise_m <= 1e-8
-    assert compile_scene(replace(far, track=Spiral())).tier.name == 'fine'
+    far = Scene(track=Spiral(0.55, 750.0), accuracy=1e-10)
+    assert compile_scene(far).tier.name == 'exact'
+    assert 2e-11 < compile_scene(far).promise_m <= 1e-10
+    assert compile_scene(replace(far, accuracy=1e-9)).tier.name == 'fine'
 
 
 @pytest.mark.parametrize(('scene', 'error', 'says'), [
@@ -94,8 +94,9 @@ def test_metres_choose_the_tier_that_keeps_them_as_far_out_as_the_run_goes():
     (Scene(track=Composite((Line(9.0), Arc(1.44, 90.0)))), FieldError, 'bends tighter than 1.44444 m'),
     (Scene(track=STurn(ratio=2.3)), FieldError, 'bends tighter than 1.44444 m'),
     (Scene(track=Composite((Line(9.0),), start_m=9.5)), FieldError, r'track\.start_m'),
-    (Scene(track=Spiral(0.55, 1e5), accuracy='fine'), FieldError, 'choose 5.5e-09 m or more')],
-    ids=['joint', 'bend', 'turn', 'start', 'accuracy'])
+    (Scene(accuracy=1e-12), FieldError, 'choose 2e-12 m or more'),
+    (Scene(track=Composite((Line(9.0, (9995.0, 0.0)),))), FieldError, 'the world ends at 10000 m')],
+    ids=['joint', 'bend', 'turn', 'start', 'accuracy', 'world'])
 def test_what_only_a_track_in_the_plane_can_tell_is_refused_when_the_scene_is_compiled(scene, error, says):
     with pytest.raises(error, match=says):
         compile_scene(scene)

@@ -66,7 +66,7 @@ def test_a_negative_time_is_refused():
 
 
 def test_a_short_link_lets_the_head_reach_the_centre():
-    scene = Scene(dragon=Dragon(3, 0.56, 0.56), track=Spiral(1.0, 2.0))
+    scene = Scene(dragon=Dragon(3, 0.6, 0.6), track=Spiral(1.0, 2.0))
     assert compile_scene(scene).end.reason == 'track'
     assert np.all(np.isfinite(state(scene, compile_scene(scene).end.t_s).p))
     with pytest.raises(TrackEndError, match='centre'):
@@ -93,6 +93,6 @@ def test_the_papers_speeds_at_many_instants_are_those_at_each():
 
 
 def test_the_end_of_the_track_itself_is_a_place_to_the_last_bit():
-    scene = Scene(dragon=Dragon(3, 0.5, 1.5, 0.5, 0.25), track=Spiral(1.14453125, 1), head=Head(3.0))
+    scene = Scene(dragon=Dragon(3, 0.55, 1.5, 0.5, 0.25), track=Spiral(1.14453125, 1), head=Head(3.0))
     assert compile_scene(scene).end.reason == 'track'
     assert np.hypot(*state(scene, compile_scene(scene).end.t_s).p[0]) == pytest.approx(0, abs=1e-6)

@@ -14,13 +14,11 @@ import pytest
 from properties import thinned
 
 from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.flags import NEEDS, Effect, known
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import frame_of, state
 from dragon_ros.core.tiers import TIERS
-from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.cost import accuracy, bags, contact, costs, effects
 from dragon_ros.cost.command import PAGES, main
 from dragon_ros.cost.picture import picture
@@ -118,11 +116,6 @@ def test_a_bag_has_as_many_ticks_as_fit_its_time_and_is_removed(tmp_path, monkey
     assert {row.ticks for row in rows} == {2}
     assert rows[2].file_bytes > rows[2].message_bytes == rows[0].message_bytes
     assert not list(tmp_path.iterdir())
-
-
-def test_a_long_dragon_behind_its_tail_is_timed_without_a_reference():
-    scene = Scene(dragon=Dragon(20_001), track=Spiral(0.55, 100.0), head=Head(1.0, 'tail'), run=Run(0, 1))
-    assert set(accuracy._references(scene, 1.0).values()) == {None}
 
 
 @pytest.mark.parametrize('name', thinned(['winding', 'turning'], lambda name: name == 'winding'))

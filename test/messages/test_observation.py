@@ -113,14 +113,6 @@ def test_both_styles_give_the_same_verdicts():
         assert [one.t_end_s for one in mine.ends] == pytest.approx([one.t_end_s for one in other.ends], abs=1e-10)
 
 
-def test_joined_handles_leave_the_longer_side_as_the_length():
-    scene = Scene(dragon=Dragon(10, 3.41, 0.55), run=Run(0, 1), markers='triangles')
-    frame, data = messages(scene, 0)
-    got = seen(data).benches
-    np.testing.assert_allclose(got.half_length, frame.benches.half_length, rtol=1e-12)
-    np.testing.assert_allclose(np.abs(np.sum(got.axis * frame.axis, axis=1)), 1, atol=1e-12)
-
-
 def other_cut(message):
     """Split each bench along its other diagonal, and give each triangle an arbitrary winding and first corner."""
     points = message.markers[0].points

@@ -16,7 +16,7 @@ from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from dragon_ros.core import scene
+from dragon_ros.core import domain
 from dragon_ros.core.geometry import tracker
 from dragon_ros.messages.decode import read_pose_array
 from dragon_ros.nodes import params
@@ -211,7 +211,7 @@ def test_parameters_are_described_with_type_range_text_and_whether_they_are_live
 
 
 def test_the_tables_that_import_little_have_the_limits_of_the_core():
-    assert (params.NEAR_M, params.LATEST_S) == (tracker.NEAR_M, scene.LATEST_S)
+    assert (tracker.NEAR_M, domain.TIME.high, domain.RATE.high) == (params.NEAR_M, params.LONGEST_RUN_S, params.MOST_HZ)
 
 
 def test_the_clock_follows_every_tick_jumps_back_at_a_reset_and_repeats_while_time_stands(start, node):

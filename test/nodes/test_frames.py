@@ -19,7 +19,7 @@ from dragon_ros.core.tracks.spec import Arc, Composite, Line
 from dragon_ros.nodes.frames import Frames
 from dragon_ros.nodes.led import LedFrames
 from dragon_ros.scenes.load import load_scene
-from hard_cases.dances import dances
+from hard_cases import hard_cases
 
 SCENE = Scene(dragon=Dragon(40), run=Run(100, 101))
 
@@ -66,7 +66,7 @@ MIXED = Scene(Mixed((Group(2.2, 9), Group(1.9, 20))),
 @pytest.mark.parametrize('name', thinned(['winding', 'turning', 'wiggle', 'mixed-by-the-tail', 'spirals', 'unwinding',
                                           'tight', 'street', 'mixed'], lambda name: name not in ('winding', 'wiggle')))
 def test_no_frame_of_a_run_waits_for_a_table_once_all_are_built(name, nothing_built):
-    named = {case.name: case.scene for case in dances()} | {'street': STREET, 'mixed': MIXED}
+    named = {case.name: case.scene for case in hard_cases()} | {'street': STREET, 'mixed': MIXED}
     scene = named.get(name) or load_scene(name)
     frames = Frames(scene)
     frames.prepare()

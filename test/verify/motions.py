@@ -126,7 +126,7 @@ def corners(pose):
     return [pose.middle + length * x + width * y for x in (1, -1) for y in (1, -1)]
 
 
-lengths = st.just(0.0) | st.floats(0.2, 2.2)
+lengths = st.just(0.05) | st.floats(0.2, 2.2)
 dragons = (st.builds(lambda head, body, inset, width: Dragon(BENCHES, 2 * inset + head, 2 * inset + body, width, inset),
                      lengths, st.floats(0.2, 2.2), st.floats(0.05, 0.4), st.floats(0.05, 0.5))
            | st.builds(lambda links: Mixed(tuple(Group(0.5 + link) for link in links), 0.3, 0.25),

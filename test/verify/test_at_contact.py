@@ -79,15 +79,10 @@ def test_a_run_that_stops_at_its_contact_says_when_it_was(stop_s):
 
 
 @pytest.mark.parametrize(('seed', 'run'), [
-    (7000198, Run(299.01024849720153, 396.334)), (7001207, Run(2908.3874800902854, None)),
-    pytest.param(7002249, Run(0.0, 16.708047510954774), marks=pytest.mark.long), (7002279, Run(0.0, 6.016541492404325)),
-    (21000137, Run(9.56032, 32.07482011430297)), (12000169, Run(0.0)),
-    (12000169, Run(26.925952148231573, 26.925952148231573)),
-    pytest.param(21000258, Run(0.529637, 36.56210626332454), marks=pytest.mark.long),
-    pytest.param(22000833, Run(0.0), marks=pytest.mark.long)],
-    ids=['slow contact at the start', 'small benches', 'slow grazing contact', 'smaller benches', 'benches of 48 um',
-         'benches of 1,377 km', 'grazing benches of 1,377 km', 'cleared far beyond the slack',
-         'slow contact of large benches'])
+    (7000198, Run(299.01024849720153, 396.334)),
+    pytest.param(7002249, Run(0.0, 16.708047510954774), marks=pytest.mark.long),
+    pytest.param(21000258, Run(0.529637, 36.56210626332454), marks=pytest.mark.long)],
+    ids=['slow contact at the start', 'slow grazing contact', 'cleared far beyond the slack'])
 def test_a_result_that_the_checker_proves_says_it_is_complete(seed, run):
     scene = replace(scene_of(Document('scene', random_scene(seed))), run=run)
     found = first_contact(scene)

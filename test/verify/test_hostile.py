@@ -2,7 +2,7 @@
 import copy
 import json
 import re
-from contextlib import nullcontext, suppress
+from contextlib import suppress
 from math import inf, nextafter
 from pathlib import Path
 
@@ -18,7 +18,7 @@ from dragon_ros.scenes.load import load_scene
 from dragon_ros.verify import reading
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.proof import prove
-from dragon_ros.verify.reading import _pose, _spiral, claims_of, read
+from dragon_ros.verify.reading import _pose, claims_of, read
 
 STRANGE = [None, True, -1, 0, 2, 1e308, -1e308, 1e-308, 10**400, float('nan'), float('inf'), '', 'x', '1', [], [[]], {},
            {'lead': 'head'}]
@@ -56,14 +56,6 @@ def test_a_strange_value_anywhere_is_refused_or_harmless(proof, share, strange):
     target[last] = strange
     with suppress(Refused):
         check(json.dumps(changed).encode())
-
-
-@pytest.mark.parametrize(('share', 'refused'), [(0.0, False), (0.1, True), (0.9, True), (1.1, False)])
-def test_links_too_short_to_have_a_direction_are_refused_but_holes_may_coincide(share, refused):
-    values = {'kind': 'equal', 'benches': 3, 'head_length_m': 1.0, 'body_length_m': 1.0, 'width_m': 0.1,
-              'hole_inset_m': 0.5 - 0.5 * share * reading._LEAST_LINK}
-    with pytest.raises(Refused, match='too short to have a direction') if refused else nullcontext():
-        assert reading._dragon(values)[0] == (1.0, 1.0, 1.0)
 
 
 @pytest.mark.parametrize('key', ['t_s', 'start_m', 'stop_m', 'lead'])
@@ -109,14 +101,11 @@ def hostile(**sections):
 @pytest.mark.parametrize(('values', 'line'), [
     (hostile(dragon={'benches': 10**6}), 'benches: 1000000.0 is not between'),
     (hostile(dragon={'benches': 10**300}), 'benches: 1e.300 is not between'),
-    pytest.param(hostile(dragon={'benches': 10**5}), 'within the budget', marks=pytest.mark.long),
-    pytest.param(hostile(dragon={'kind': 'mixed', 'width_m': 0.01, 'hole_inset_m': 0.0, 'groups': [
-        {'length_m': 1e-4, 'count': 60_000}, {'length_m': 50.0, 'count': 1}]}), 'within the budget',
-                 marks=pytest.mark.long),
+    pytest.param(hostile(dragon={'benches': 20_000}), 'within the budget', marks=pytest.mark.long),
     (hostile(dragon={'kind': 'mixed', 'width_m': 0.01, 'hole_inset_m': 0.0, 'groups': [
-        {'length_m': 1.0, 'count': 1}] * 20_000}), 'list of 1 to 10000'),
-    (hostile(track={'pitch_m': 1e-12}), 'beyond its end'),
-    (hostile(head={'speed_m_s': -1e9}, run={'stop_s': 2e9}), 'within the budget of 500 steps'),
+        {'length_m': 1.0, 'count': 1}] * 20_001}), 'list of 1 to 20000'),
+    (hostile(track={'pitch_m': 0.01}), 'the chain locks'),
+    (hostile(head={'speed_m_s': -100.0}, run={'stop_s': 1e6}), 'within the budget of 500 steps'),
     (hostile(head={'kind': 'profile', 'ramps': 'smooth', 'lead': 'head', 'knots': [[0.0, 1.0]] * 20_000}),
      'list of 1 to 10000'),
     (hostile(head={'kind': 'profile', 'ramps': 'linear', 'lead': 'head', 'knots': [[0.0]]}), 'list of 2'),
@@ -149,30 +138,23 @@ def test_a_heading_is_read_up_to_its_limit_and_refused_beyond(most):
         _pose('piece', {'heading_deg': most * (1 + 5e-7)})
 
 
-def test_a_pitch_is_read_up_to_its_limit_and_refused_beyond():
-    spiral = {'kind': 'spiral', 'start_turns': 3.0}
-    assert _spiral('track', {**spiral, 'pitch_m': 1e12}).pitch_m == 1e12
-    with pytest.raises(Refused, match='pitch_m'):
-        _spiral('track', {**spiral, 'pitch_m': 1e12 * (1 + 5e-7)})
-
-
 EQUAL = {'kind': 'equal', 'benches': 1, 'head_length_m': 1.0, 'body_length_m': 1.0, 'width_m': 0.1, 'hole_inset_m': 0.0}
 TURN = {'kind': 'turn', 'pitch_m': 1.7, 'diameter_m': 9.0, 'ratio': 2.0, 'before_m': 0.0}
 COIL = {'kind': 'spiral', 'pitch_m': 1.0, 'from_turns': 5.0, 'to_turns': 2.0, 'side': 'left'}
 
 
 @pytest.mark.parametrize(('read_of', 'values', 'name', 'low', 'high'), [
-    (reading._equal, EQUAL, 'head_length_m', 1e-12, 1e12), (reading._equal, EQUAL, 'body_length_m', 1e-12, 1e12),
-    (reading._dragon, EQUAL, 'width_m', 1e-12, 1e12),
-    (reading._turn, TURN, 'pitch_m', 1e-9, 1e9), (reading._turn, TURN, 'diameter_m', 1e-9, 1e9),
-    (reading._turn, TURN, 'ratio', 1e-6, 1e6), (reading._turn, TURN, 'before_m', -1e9, 1e9),
-    (reading._spiral, {'kind': 'spiral', 'pitch_m': 1.0}, 'start_turns', 0.0, 1e9),
-    (reading._line, {'kind': 'line'}, 'length_m', 1e-12, 1e9),
-    (reading._arc, {'kind': 'arc', 'angle_deg': 9.0}, 'radius_m', 1e-12, 1e9),
+    (reading._dragon, EQUAL, 'width_m', 0.001, 100.0),
+    (reading._turn, TURN, 'pitch_m', 0.01, 100.0), (reading._turn, TURN, 'diameter_m', 0.01, 2e4),
+    (reading._turn, TURN, 'ratio', 1e-3, 1e3), (reading._turn, TURN, 'before_m', -1e6, 1e6),
+    (reading._spiral, {'kind': 'spiral', 'pitch_m': 1.0}, 'start_turns', 0.0, 1e4),
+    (reading._spiral, {'kind': 'spiral', 'start_turns': 3.0}, 'pitch_m', 0.01, 100.0),
+    (reading._line, {'kind': 'line'}, 'length_m', 1e-12, 1e6),
+    (reading._arc, {'kind': 'arc', 'angle_deg': 9.0}, 'radius_m', 0.01, 1e9),
     (reading._arc, {'kind': 'arc', 'radius_m': 9.0}, 'angle_deg', -1e6, 1e6),
-    (reading._coil, COIL, 'pitch_m', 1e-9, 1e9), (reading._coil, COIL, 'from_turns', 1e-3, 1e6),
-    (reading._coil, COIL, 'to_turns', 1e-3, 1e6),
-    (reading._constant, {'kind': 'constant', 'lead': 'head'}, 'speed_m_s', -1e9, 1e9)],
+    (reading._coil, COIL, 'pitch_m', 0.01, 100.0), (reading._coil, COIL, 'from_turns', 1e-3, 1e4),
+    (reading._coil, COIL, 'to_turns', 1e-3, 1e4),
+    (reading._constant, {'kind': 'constant', 'lead': 'head'}, 'speed_m_s', -100.0, 100.0)],
     ids=lambda each: each if isinstance(each, str) else '')
 def test_a_number_at_its_limit_is_read_and_the_next_one_beyond_is_refused(read_of, values, name, low, high):
     names = () if read_of is reading._dragon else ('scene',)
@@ -182,7 +164,7 @@ def test_a_number_at_its_limit_is_read_and_the_next_one_beyond_is_refused(read_o
             read_of(*names, {**values, name: beyond})
 
 
-@pytest.mark.parametrize('most', [1e9, -1e9])
+@pytest.mark.parametrize('most', [100.0, -100.0])
 def test_a_speed_of_a_profile_is_read_up_to_its_limit_and_refused_beyond(most):
     profile = {'kind': 'profile', 'ramps': 'linear', 'lead': 'head'}
     reading._profile('head', {**profile, 'knots': [[0.0, most]]})

@@ -159,7 +159,7 @@ TAMPERINGS = [
     ('contact', scene('dragon', 'width_m'), REMOVED, 'missing'), ('contact', ('scene', 'run'), REMOVED, 'missing'),
     ('contact', scene('track', 'kind'), 'clothoid', 'not one of the kinds'),
     ('contact', scene('track', 'pitch_m'), 0, 'not between'),
-    ('contact', scene('dragon', 'hole_inset_m'), 1.2, 'is too short for two holes')]
+    ('contact', scene('dragon', 'hole_inset_m'), 1.2, 'the link of a bench')]
 
 
 @pytest.mark.parametrize(('kind', 'path', 'change', 'line'), TAMPERINGS,

@@ -35,7 +35,7 @@ BENT = Composite((Line(50.0), Arc(3.0, -200.0), Line(1.0), SpiralArc(1.2, 2, 4.0
 SCENES = {
     'classic': Scene(run=Run(0, 400)),
     'near the lock': Scene(dragon=Dragon(6), run=Run(400, 432.9)),
-    'far out': Scene(dragon=Dragon(200), track=Spiral(0.55, 1e4), run=Run(0, 20)),
+    'far out': Scene(dragon=Dragon(200), track=Spiral(0.55, 700.0), run=Run(0, 20)),
     'turn': Scene(dragon=Dragon(60), track=STurn(before_m=100.0), run=Run(95, 140)),
     'loop': Scene(dragon=Dragon(20), track=Composite((Line(5.0, (1.0, 2.0), 30.0), Arc(3.0, 720.0))), run=Run(0, 30)),
     'tail on a bent track': Scene(dragon=Dragon(10), track=BENT, head=Head(1.0, 'tail'), run=Run(0, 30)),
@@ -43,8 +43,8 @@ SCENES = {
     'out from a spiral': Scene(dragon=Dragon(3),
                                track=Composite((SpiralArc(3.0, 0.6, 3.0, 'left'), Line(9.0)), start_m=9.0),
                                run=Run(0, 3)),
-    'joined handles': Scene(dragon=Mixed((Group(1.0), Group(0.6, 2), Group(1.4, 3)), 0.2, 0.3), run=Run(0, 2),
-                            track=Composite((Arc(2.0, -180.0), SpiralArc(1.0, 3.0, 2.0)), 6.0))}
+    'the smallest links': Scene(dragon=Mixed((Group(1.0), Group(0.65, 2), Group(1.4, 3)), 0.2, 0.3), run=Run(0, 2),
+                                track=Composite((Arc(2.0, -180.0), SpiralArc(1.0, 3.0, 2.0)), 6.0))}
 
 
 def read(scene):

@@ -17,6 +17,7 @@ import numpy as np
 
 from dragon_ros.core.chain.head_law import Head, Knot, Profile, check_lead, ramp, ramp_m
 from dragon_ros.core.checks import number, settle
+from dragon_ros.core.domain import SPEED
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.exact_polynomial import ExactPolynomial
 
@@ -40,7 +41,7 @@ class Commanded:
         """Reject invalid limits."""
         check_lead(self.lead)
         settle(self, timeout_s=number('head.timeout_s', self.timeout_s, above=0.0, high=3600.0),
-               max_speed_m_s=number('head.max_speed_m_s', self.max_speed_m_s, above=0.0, high=1e3),
+               max_speed_m_s=number('head.max_speed_m_s', self.max_speed_m_s, above=0.0, high=SPEED.high),
                max_acceleration_m_s2=number('head.max_acceleration_m_s2', self.max_acceleration_m_s2, above=0.0,
                                             high=1e6))
 

@@ -4,13 +4,10 @@ from functools import cached_property
 
 import numpy as np
 
-from dragon_ros.core.checks import Settings, number, settle, whole
+from dragon_ros.core.checks import Settings, number, settle
+from dragon_ros.core.domain import BENCHES, LINK, LONGEST_BENCH, WIDTH
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.types import Floats, read_only
-
-_MOST, _MOST_GROUPS = 1_000_000, 10_000
-# The shortest link, relative to the longest bench; position errors obscure the direction of shorter links.
-LEAST_LINK = 2e-10
 
 
 class _Lengths(Settings):
@@ -68,12 +65,10 @@ class Dragon(_Lengths):
 
     def __post_init__(self) -> None:
         """Reject invalid numbers, lengths and widths."""
-        settle(self, benches=whole('dragon.benches', self.benches, low=1, high=_MOST))
+        settle(self, benches=BENCHES.counted('dragon.benches', self.benches))
         _settle_common(self)
         settle(self, **{name: _length(f'dragon.{name}', getattr(self, name), self.hole_inset_m)
                         for name in ('head_length_m', 'body_length_m')})
-        names = ('head_length_m', 'body_length_m')[:self.benches]
-        _check_links({f'dragon.{name}': getattr(self, name) for name in names}, self.hole_inset_m)
 
     @property
     def head_link_m(self) -> float:
@@ -105,18 +100,17 @@ class Mixed(_Lengths):
     def __post_init__(self) -> None:
         """Reject invalid numbers, lengths and widths."""
         _settle_common(self)
-        if not 1 <= len(self.groups) <= _MOST_GROUPS:
-            raise FieldError('dragon.groups', len(self.groups), f'a dragon has 1 to {_MOST_GROUPS} groups',
+        if not 1 <= len(self.groups) <= BENCHES.high:
+            raise FieldError('dragon.groups', len(self.groups), f'a dragon has 1 to {BENCHES.high} groups',
                              'list its benches, such as [{length_m: 3.41}, {count: 222, length_m: 2.2}]')
         settle(self, groups=tuple(self._group(n, group) for n, group in enumerate(self.groups, 1)))
-        _check_links({f'dragon.groups.{n}.length_m': group.length_m for n, group in enumerate(self.groups, 1)},
-                     self.hole_inset_m)
-        if self.benches > _MOST:
-            raise FieldError('dragon.groups', f'{self.benches} benches', f'the limit is {_MOST}', 'reduce the counts')
+        if self.benches > BENCHES.high:
+            raise FieldError('dragon.groups', f'{self.benches} benches', f'the limit is {BENCHES.high}',
+                             'reduce the counts')
 
     def _group(self, n: int, group: Group) -> Group:
         """Return a group with its values checked."""
-        count = whole(f'dragon.groups.{n}.count', group.count, low=1, high=_MOST)
+        count = BENCHES.counted(f'dragon.groups.{n}.count', group.count)
         return Group(_length(f'dragon.groups.{n}.length_m', group.length_m, self.hole_inset_m), count)
 
     def __hash__(self) -> int:
@@ -154,30 +148,20 @@ def has_same_links_behind(lengths_m: Floats, one: int, other: int) -> bool:
 
 
 def _settle_common(dragon: AnyDragon) -> None:
-    settle(dragon, hole_inset_m=number('dragon.hole_inset_m', dragon.hole_inset_m, low=0.0, high=1e12),
-           width_m=number('dragon.width_m', dragon.width_m, above=0.0, high=1e12))
+    settle(dragon, width_m=WIDTH.checked('dragon.width_m', dragon.width_m),
+           hole_inset_m=number('dragon.hole_inset_m', dragon.hole_inset_m, low=0.0,
+                               high=0.5 * LONGEST_BENCH.high * LINK.high))
 
 
 def _length(field: str, length_m: float, hole_inset_m: float) -> float:
-    number(field, length_m, above=0.0, high=1e12)
-    length = number(field, length_m, low=1e-12)
-    if length < 2 * hole_inset_m:
-        raise FieldError(field, length, f'a bench must be at least 2 x {hole_inset_m} m long to fit two holes',
-                         'make the bench longer or dragon.hole_inset_m smaller')
+    """Return the length of a bench whose link lies within the world. Raises FieldError."""
+    length, holes = number(field, length_m, above=0.0), 2 * hole_inset_m
+    link_m = round(length - holes, 12)      # decimals are rarely floats
+    if not LINK.low <= link_m <= LINK.high:
+        raise FieldError(field, length, f'its link, the distance between its handles, would be {link_m:.6g} m; '
+                         f'links are {LINK.low:g} to {LINK.high:g} m long', f'give {holes + LINK.low:.6g} to '
+                         f'{holes + LINK.high:.6g} m, or change dragon.hole_inset_m')
+    if length > LONGEST_BENCH.high * link_m:
+        raise FieldError(field, length, f'it would be {length / link_m:.4g} times as long as its link; the limit is '
+                         f'{LONGEST_BENCH.high:g}', 'make dragon.hole_inset_m smaller')
     return length
-
-
-def _check_links(lengths_m: dict[str, float], hole_inset_m: float) -> None:
-    """Reject links that are too short, given the bench length of each field; links of zero length are allowed.
-
-    The axis of a bench is computed from the difference between the positions of its handles. With position errors of
-    2e-12 m, the direction of a link of 4e-10 m is accurate to 0.01 rad. That length is 2e-10 times the length of a
-    classic bench, and float errors are proportional to the size of the dragon.
-    """
-    least_m = LEAST_LINK * max(lengths_m.values())
-    for field, length_m in lengths_m.items():
-        link_m = length_m - 2 * hole_inset_m
-        if 0 < link_m < least_m:
-            none_m = 2 * hole_inset_m
-            raise FieldError(field, length_m, f'its link of {link_m:.3g} m is too short to have an accurate direction',
-                             f'give {none_m!r} m for a link of zero length, or at least {none_m + 2 * least_m!r} m')

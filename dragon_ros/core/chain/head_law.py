@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from dragon_ros.core.checks import Settings, number, settle
+from dragon_ros.core.domain import KNOTS, SPEED, TIME
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.double_double import product
 from dragon_ros.core.numerics.exact_polynomial import ExactPolynomial
@@ -23,7 +24,6 @@ from dragon_ros.core.numerics.roots import bracketed_newton
 
 LEADERS = ('head', 'tail')
 RAMPS = ('linear', 'smooth')
-_MOST = 10_000
 
 Knot = tuple[float, float]      # (time in s, speed in m/s)
 
@@ -37,7 +37,7 @@ class Head:
 
     def __post_init__(self) -> None:
         """Reject an invalid speed or leader."""
-        settle(self, speed_m_s=number('head.speed_m_s', self.speed_m_s, low=-1e9, high=1e9))
+        settle(self, speed_m_s=SPEED.checked('head.speed_m_s', self.speed_m_s))
         check_lead(self.lead)
 
     @property
@@ -92,12 +92,12 @@ class Profile(Settings):
         check_lead(self.lead)
         if self.ramps not in RAMPS:
             raise FieldError('head.ramps', self.ramps, f'ramps are {" or ".join(RAMPS)}', 'give one of these')
-        if not 1 <= len(self.knots) <= _MOST:
-            raise FieldError('head.knots', len(self.knots), f'a profile has 1 to {_MOST} knots', 'list pairs [time, '
-                                                                                                 'speed]')
+        if not KNOTS.low <= len(self.knots) <= KNOTS.high:
+            raise FieldError('head.knots', len(self.knots), f'a profile has 1 to {KNOTS.high} knots',
+                             'list pairs [time, speed]')
         settle(self, knots=tuple(
-            (number(f'head.knots.{n + 1}', t_s, low=self.knots[n - 1][0] if n else 0.0, high=1e10),
-             number(f'head.knots.{n + 1}', speed, low=-1e9, high=1e9)) for n, (t_s, speed) in enumerate(self.knots)))
+            (number(f'head.knots.{n + 1}', t_s, low=self.knots[n - 1][0] if n else 0.0, high=TIME.high),
+             SPEED.checked(f'head.knots.{n + 1}', speed)) for n, (t_s, speed) in enumerate(self.knots)))
         if self.knots[0][0] != 0:
             raise FieldError('head.knots.1', self.knots[0], 'the first knot must be at 0 s', 'add the speed at 0 s')
 

@@ -107,6 +107,10 @@ class Leader:
         low_m, high_m = self.span_m(extent_m)
         return max(self.track.far_m(low_m, high_m), self.track.laid_from_m(high_m))
 
+    def plane_m(self, extent_m: tuple[float, float]) -> float:
+        """Return an upper bound on the distance of any handle from the origin, however far centres of arcs are."""
+        return self.size_m(extent_m) if self.track.may_lock else self.track.plane_m(*self.span_m(extent_m))
+
     def span_m(self, extent_m: tuple[float, float]) -> tuple[float, float]:
         """Return the interval of the track that the handles occupy over a range of travel.
 

@@ -191,6 +191,12 @@ class Track:
         """Return an upper bound on the distance from the origin to any point between two distances along the track."""
         return max(segment.far_m(a, b) for segment, a, b in self.between(low_m, high_m))
 
+    def plane_m(self, low_m: float, high_m: float) -> float:
+        """Return a bound like ``far_m`` that does not grow with the distance of a segment's centre."""
+        return max(min(segment.far_m(a, b), abs(complex(segment.at(0.5 * (a + b))))
+                       + 0.5 * float(segment.metres_between(a, b)))
+                   for segment, a, b in self.between(low_m, high_m))
+
     def laid_from_m(self, metres: float) -> float:
         """Return an upper bound on the distance from the origin to any point of the pieces that end before a position.
 

@@ -16,10 +16,11 @@ from typing import NamedTuple
 import numpy as np
 from shapely import LineString, get_coordinates, hausdorff_distance
 
+from dragon_ros.core.domain import PIECES
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 from dragon_ros.core.tracks.biarcs import Bow, biarc, fitted
-from dragon_ros.core.tracks.spec import MOST_PIECES, Arc, Line, Piece
+from dragon_ros.core.tracks.spec import Arc, Line, Piece
 
 LEAD_IN_M = 1.0         # length of the line added before a track that would otherwise begin with a bend
 _MOST_SAMPLES = 20_000  # maximum number of samples per curve
@@ -503,8 +504,8 @@ def _laid(drawn: _SmoothLine, blends: list[_Blend], parts: list[_FittedArcs], to
     if lead_in_m:
         heading = bows[0].heading
         bows = [Bow(bows[0].start - lead_in_m * heading, heading, lead_in_m, 0.0), *bows]
-    if len(bows) > MOST_PIECES:
-        raise InputError(f'the drawing requires {len(bows)} pieces; the limit is {MOST_PIECES}; give a larger '
+    if len(bows) > PIECES.high:
+        raise InputError(f'the drawing requires {len(bows)} pieces; the limit is {PIECES.high}; give a larger '
                          '--tolerance, or draw a shorter line', field='tolerance', pieces=len(bows))
     shift_m = _shift_m([bow for _, some in order for bow in some], bows[1:] if lead_in_m else bows)
     apart_m = max((_apart_m(drawn, part, _FINE * tolerance_m) for part in parts), default=0.0)

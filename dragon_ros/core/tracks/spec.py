@@ -6,11 +6,12 @@ sequences of lines, arcs and spirals.
 from dataclasses import dataclass
 from math import atan, inf, pi, sin, sqrt
 
+from dragon_ros.core import domain
 from dragon_ros.core.checks import number, settle
+from dragon_ros.core.domain import COORDINATE, PITCH, RADIUS, TRACK
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.double_double import DoubleDouble, from_turns
 
-MOST_PIECES = 1000
 SIDES = ('left', 'right')
 
 
@@ -23,9 +24,11 @@ class Spiral:
 
     def __post_init__(self) -> None:
         """Reject an invalid spiral."""
-        number('track.pitch_m', self.pitch_m, above=0.0, high=1e12)
-        settle(self, pitch_m=number('track.pitch_m', self.pitch_m, low=1e-12),
-               start_turns=number('track.start_turns', self.start_turns, low=0.0, high=1e9))
+        settle(self, pitch_m=PITCH.checked('track.pitch_m', self.pitch_m),
+               start_turns=number('track.start_turns', self.start_turns, low=0.0))
+        if pi * self.pitch_m * self.start_turns**2 > TRACK.high:
+            raise FieldError('track.start_turns', self.start_turns, f'the spiral would be longer than {TRACK.high:g} m',
+                             f'give at most {sqrt(TRACK.high / (pi * self.pitch_m)):.6g} turns, or a smaller pitch')
 
     @property
     def b_m(self) -> float:
@@ -69,10 +72,10 @@ class STurn:
 
     def __post_init__(self) -> None:
         """Reject an invalid turn."""
-        settle(self, pitch_m=number('track.pitch_m', self.pitch_m, low=1e-9, high=1e9),
-               diameter_m=number('track.diameter_m', self.diameter_m, low=1e-9, high=1e9),
-               ratio=number('track.ratio', self.ratio, low=1e-6, high=1e6),
-               before_m=number('track.before_m', self.before_m, low=-1e9, high=1e9))
+        settle(self, pitch_m=PITCH.checked('track.pitch_m', self.pitch_m),
+               diameter_m=number('track.diameter_m', self.diameter_m, low=RADIUS.low, high=2 * COORDINATE.high),
+               ratio=number('track.ratio', self.ratio, low=1e-3, high=1e3),
+               before_m=number('track.before_m', self.before_m, low=-TRACK.high, high=TRACK.high))
 
     @property
     def radius_m(self) -> float:
@@ -146,7 +149,7 @@ class Line:
 
     def checked(self, name: str) -> 'Line':
         """Return the line with its values normalised. Raises FieldError for an invalid line."""
-        return Line(number(f'{name}.length_m', self.length_m, above=0.0, high=1e9), *_checked_place(name, self))
+        return Line(number(f'{name}.length_m', self.length_m, above=0.0, high=TRACK.high), *_checked_place(name, self))
 
 
 @dataclass(frozen=True)
@@ -160,7 +163,7 @@ class Arc:
 
     def checked(self, name: str) -> 'Arc':
         """Return the arc with its values normalised. Raises FieldError for an invalid arc."""
-        radius_m = number(f'{name}.radius_m', self.radius_m, above=0.0, high=1e9)
+        radius_m = RADIUS.checked(f'{name}.radius_m', self.radius_m)
         angle_deg = number(f'{name}.angle_deg', self.angle_deg, low=-1e6, high=1e6)
         if angle_deg == 0:
             raise FieldError(f'{name}.angle_deg', self.angle_deg, 'an arc must turn',
@@ -181,9 +184,9 @@ class SpiralArc:
 
     def checked(self, name: str) -> 'SpiralArc':
         """Return the spiral with its values normalised. Raises FieldError for an invalid spiral."""
-        pitch_m = number(f'{name}.pitch_m', self.pitch_m, low=1e-9, high=1e9)
-        from_turns = number(f'{name}.from_turns', self.from_turns, low=1e-3, high=1e6)
-        to_turns = number(f'{name}.to_turns', self.to_turns, low=1e-3, high=1e6)
+        pitch_m = PITCH.checked(f'{name}.pitch_m', self.pitch_m)
+        from_turns = number(f'{name}.from_turns', self.from_turns, low=1e-3, high=1e4)
+        to_turns = number(f'{name}.to_turns', self.to_turns, low=1e-3, high=1e4)
         if from_turns == to_turns:
             raise FieldError(f'{name}.to_turns', self.to_turns, 'the spiral starts at this value', 'give another value')
         if self.side not in SIDES:
@@ -195,11 +198,20 @@ Piece = Line | Arc | SpiralArc
 PIECES: dict[str, type[Piece]] = {'line': Line, 'arc': Arc, 'spiral': SpiralArc}
 
 
+def _length_m(piece: Piece) -> float:
+    """Return the length of a piece; that of a spiral is approximate."""
+    if isinstance(piece, Line):
+        return piece.length_m
+    if isinstance(piece, Arc):
+        return piece.radius_m * abs(piece.angle_deg) * pi / 180
+    return pi * piece.pitch_m * abs(piece.to_turns**2 - piece.from_turns**2)
+
+
 def _checked_place(name: str, piece: Piece) -> tuple[tuple[float, float] | None, float | None]:
     """Return the stated start and heading of a piece, normalised; ``composite`` checks them at the joint."""
     at_m, heading_deg = piece.at_m, piece.heading_deg
     if at_m is not None:
-        x, y = (number(f'{name}.at_m', value, low=-1e9, high=1e9) for value in at_m)
+        x, y = (COORDINATE.checked(f'{name}.at_m', value) for value in at_m)
         at_m = x, y
     if heading_deg is not None:
         heading_deg = number(f'{name}.heading_deg', heading_deg, low=-1e6, high=1e6)
@@ -220,11 +232,15 @@ class Composite:
 
     def __post_init__(self) -> None:
         """Reject a track that has no pieces, too many pieces or an invalid piece."""
-        if not 1 <= len(self.pieces) <= MOST_PIECES:
-            raise FieldError('track.pieces', len(self.pieces), f'a track has 1 to {MOST_PIECES} pieces',
+        if not domain.PIECES.low <= len(self.pieces) <= domain.PIECES.high:
+            raise FieldError('track.pieces', len(self.pieces), f'a track has 1 to {domain.PIECES.high} pieces',
                              'list its pieces')
         settle(self, pieces=tuple(piece.checked(f'track.pieces.{k}') for k, piece in enumerate(self.pieces, 1)),
                start_m=number('track.start_m', self.start_m))
+        length_m = sum(map(_length_m, self.pieces))
+        if length_m > TRACK.high:
+            raise FieldError('track.pieces', f'{length_m:.6g} m', f'the longest track has {TRACK.high:g} m',
+                             'shorten the pieces')
 
 
 TrackSpec = Spiral | STurn | Composite

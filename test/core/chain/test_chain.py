@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from dragon_ros.core.chain.chain import chain_of
-from dragon_ros.core.chain.dragon import Dragon, Group, Mixed, is_even
+from dragon_ros.core.chain.dragon import Dragon, is_even
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.shift_map.blocks import Placement
 from dragon_ros.core.step import state
@@ -48,15 +48,6 @@ def test_the_worst_link_is_the_one_that_misses_its_length_by_most(link):
     off_m, worst = replace(chain, p=p).worst
     assert worst == link
     assert off_m == pytest.approx(0.25)
-
-
-@pytest.mark.parametrize('solver', ['march', 'table'])
-def test_handles_that_a_link_of_no_length_joins_are_at_one_place_to_the_last_bit(solver):
-    scene = Scene(dragon=Mixed((Group(3.41), Group(0.55, 2), Group(2.2, 30))), solver=solver)
-    chain = state(scene, 123.4)
-    joined = np.flatnonzero(scene.dragon.link_lengths_m == 0)
-    assert joined.tolist() == [1, 2]
-    assert np.array_equal(chain.p[joined], chain.p[joined + 1])
 
 
 @pytest.mark.parametrize('direction', [BEHIND, AHEAD])

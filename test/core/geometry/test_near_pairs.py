@@ -15,7 +15,7 @@ from dragon_ros.core.geometry.signed_distance import gaps
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.spec import Spiral, STurn
-from hard_cases.problems import MIXED
+from hard_cases.cases import MIXED
 
 
 def of_all_pairs(benches):
@@ -219,7 +219,7 @@ SCENES = {
                   times(20, 26, 5)),
     'mixed': (Scene(dragon=MIXED, run=Run(0, 400)), times(350, 360, 10)),
     'dense': (Scene(dragon=Dragon(60), track=Spiral(0.2, 16.0), run=Run(0, 400)), times(0, 4, 10)),
-    'toy': (Scene(dragon=Dragon(100, 0.0341, 0.022, 0.003, 0.00275), track=Spiral(0.0055), head=Head(0.01),
+    'toy': (Scene(dragon=Dragon(100, 0.1, 0.08, 0.01, 0.005), track=Spiral(0.02), head=Head(0.036),
                   run=Run(0, 400)), times(300, 303, 20))}
 
 

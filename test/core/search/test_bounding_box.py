@@ -70,7 +70,7 @@ def test_no_corner_is_outside_at_any_of_many_times_and_the_bounds_meet(n):
 
 DRAGONS = st.builds(
     lambda benches, head, body, inset, width: Dragon(benches, 2 * inset + head, 2 * inset + body, width, inset),
-    st.integers(1, 30), st.sampled_from([0.0, 0.3, 1.65, 2.86]), st.sampled_from([0.0, 0.4, 1.65, 3.0]),
+    st.integers(1, 30), st.sampled_from([0.05, 0.3, 1.65, 2.86]), st.sampled_from([0.05, 0.4, 1.65, 3.0]),
     st.sampled_from([0.01, 0.275]), st.sampled_from([0.01, 0.3, 1.0]))
 LAWS = st.builds(lambda lead, speeds: Profile(tuple((7.0 * n, v) for n, v in enumerate(speeds)), 'smooth', lead),
                  st.sampled_from(['head', 'tail']), st.lists(st.floats(-1, 3), min_size=1, max_size=4))
@@ -79,9 +79,9 @@ LAWS = st.builds(lambda lead, speeds: Profile(tuple((7.0 * n, v) for n, v in enu
 @examples(20)
 @given(DRAGONS, TRACKS, LAWS, st.floats(0, 12), st.floats(0, 12))
 @example(Dragon(3), Spiral(0.55, 16.0), Profile(((0.0, 1.0),)), 425.0, 7.9)
-@example(Dragon(2, 0.02, 3.02, 0.01, 0.01), Spiral(2.5, 1.0), Profile(((0.0, 2.0),)), 0.0, 4.0)
-@example(Dragon(1, 0.02, 0.02, 0.01, 0.01), STurn(1.0, 11.0, 1.0, 5e-36), Profile(((0.0, 0.0),)), 0.0, 1.0)
-@example(Dragon(2, 5.0, 0.55), Spiral(3.0, 1.0), Profile(((0.0, -1.0),)), 0.0, 5.0)
+@example(Dragon(2, 0.07, 3.02, 0.01, 0.01), Spiral(2.5, 1.0), Profile(((0.0, 2.0),)), 0.0, 4.0)
+@example(Dragon(1, 0.07, 0.07, 0.01, 0.01), STurn(1.0, 11.0, 1.0, 5e-36), Profile(((0.0, 0.0),)), 0.0, 1.0)
+@example(Dragon(2, 5.0, 0.6), Spiral(3.0, 1.0), Profile(((0.0, -1.0),)), 0.0, 5.0)
 def test_no_corner_is_outside_on_any_track_under_any_law(dragon, track, law, start_s, lasts_s):
     try:
         scene = Scene(dragon, track, law, Run(start_s, start_s + lasts_s))
@@ -96,7 +96,8 @@ def test_no_corner_is_outside_on_any_track_under_any_law(dragon, track, law, sta
 
 
 MIXED = st.builds(lambda lengths, width: Mixed(tuple(Group(0.55 + length) for length in lengths), width), st.lists(
-    st.one_of(st.sampled_from([0.0, 1.65]), st.floats(0.1, 4.0)), min_size=2, max_size=9), st.sampled_from([0.01, 0.3]))
+    st.one_of(st.sampled_from([0.05, 1.65]), st.floats(0.1, 4.0)), min_size=2, max_size=9),
+                  st.sampled_from([0.01, 0.3]))
 
 
 @examples(12)
@@ -196,8 +197,8 @@ def test_of_a_bench_on_a_line_the_bound_ahead_is_where_its_front_comes_to():
 
 
 def test_a_long_way_is_searched_all_the_same():
-    found = bounding_box(Scene(head=Head(-1000.0), run=Run(stop_s=1000.0)))
-    check_that_it_is_met(Scene(head=Head(-1000.0), run=Run(stop_s=1000.0)), found)
+    found = bounding_box(Scene(head=Head(-100.0), run=Run(stop_s=10000.0)))
+    check_that_it_is_met(Scene(head=Head(-100.0), run=Run(stop_s=10000.0)), found)
     assert found.centred_m[1] - found.centred_m[0] < 1e-9
 
 
@@ -208,12 +209,6 @@ def test_a_dragon_that_goes_round_a_circle_many_times_is_searched_once():
     check_that_it_is_met(scene, found)
     assert found.centred_m[1] - found.centred_m[0] < 1e-9
     assert found.looks < 1000
-
-
-def test_the_error_of_the_corners_of_wide_benches_is_added():
-    # On each side: a position error of 2e-12 m over a link of 1.65 m, times a width of 1e9 m.
-    low_m, high_m = bounding_box(Scene(Dragon(width_m=1e9), run=Run(stop_s=20.0))).centred_m
-    assert high_m - low_m == pytest.approx(2 * 2e-12 / 1.65 * 1e9, rel=0.1)
 
 
 def test_whether_a_square_is_large_enough_is_told_only_where_the_bounds_tell():

@@ -182,7 +182,7 @@ EVERY_KIND = {
     'body in': Scene(dragon=Dragon(30, 0.9, 2.9, 0.2), track=Spiral(0.55, 4.28), run=Run(0, 5)),
     'body from afar': Scene(dragon=Dragon(30, 0.9), run=Run(420.0)),
     'lock': Scene(dragon=Dragon(12, width_m=0.01), run=Run(425.0)),
-    'lock of a joined head': Scene(dragon=Dragon(6, 0.55, 1.5, 0.02), track=Spiral(0.9, 1.5)),
+    'lock of a joined head': Scene(dragon=Dragon(6, 0.6, 1.5, 0.02), track=Spiral(0.9, 1.5)),
     'centre': Scene(dragon=Dragon(6, 0.8, 0.8, 0.02), track=Spiral(0.55, 1.5), head=Head(3.0)),
     'at the start': Scene(run=Run(413.0)),
     'two benches': Scene(dragon=Dragon(2))}

@@ -39,7 +39,7 @@ SCENES = {
     'loop': Scene(dragon=Dragon(20), track=LOOP, run=Run(0, 30)),
     'back and forth': Scene(dragon=Dragon(20), track=LOOP, head=BACK_AND_FORTH, run=Run(3, 100)),
     'tail': Scene(dragon=Dragon(10), track=BENT, head=Head(1.0, 'tail'), run=Run(0, 30)),
-    'two benches': Scene(dragon=Dragon(2, 3.41, 0.55), track=LOOP, run=Run(0, 20)),
+    'two benches': Scene(dragon=Dragon(2, 3.41, 0.6), track=LOOP, run=Run(0, 20)),
     'rest': Scene(dragon=Dragon(20), track=LOOP, head=Head(0.0), run=Run(0, 10)),
     'the end of the track': Scene(dragon=Dragon(20), track=Composite((Line(5.0), Arc(6.0, 120.0)))),
     'out from a spiral': Scene(dragon=Dragon(3),

@@ -60,8 +60,8 @@ def separation(one, two):
 
 
 @pytest.mark.parametrize(('links', 'seed'), thinned(
-    [(links, seed) for links in (1.2, 50.0, 5e4, 2e5) for seed in range(2)],
-    lambda case: case[0] <= 50))
+    [(links, seed) for links in (1.2, 5.0, 20.0) for seed in range(2)],
+    lambda case: case[0] != 5))
 def test_the_true_gap_at_a_contact_is_within_the_approach_during_the_uncertainty(links, seed):
     scene = on_a_circle(links, seed)
     found = first_contact(scene)

@@ -168,7 +168,7 @@ def test_bounds_leave_room_for_what_positions_and_roundings_may_err():
 
 
 def test_the_bound_at_one_place_is_the_gap_less_what_it_may_be_rounded_by():
-    far_m = 1e6
+    far_m = 1e5
     around = surroundings_of(Venue((LineObstacle('long', ((-far_m, 30.0), (far_m, 30.0))),)))
     scene, edge = SCENES['street'], np.zeros(1, dtype=np.int64)
     domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 20.0), 1, lambda states: None)

@@ -115,7 +115,7 @@ def test_the_checker_follows_the_law_itself(written, key, value):
 def test_a_range_of_travel_finds_first_arrivals(rows, ramps, start_s, run_s, share):
     times = np.cumsum([0.0, *(gap for gap, _ in rows)]).tolist()
     law = Profile(tuple(zip(times, [0.5, *(speed for _, speed in rows)], strict=True)), ramps)
-    scene = Scene(Dragon(3), Spiral(0.55, 1e3), law, Run(start_s, start_s + run_s))
+    scene = Scene(Dragon(3), Spiral(0.55, 700.0), law, Run(start_s, start_s + run_s))
     course = RangeOfTravel(law, start_s, compile_scene(scene).end.t_s)
     here = course.gone_m(start_s)
     ends = [course.gone_m(course.farthest_s(sense)) for sense in (-1, 1)]

@@ -111,7 +111,7 @@ def _when(scene, gone_m):
     return float(middle[n])
 
 
-MIXED = Mixed((Group(0.9, 5), Group(2.2, 3), Group(1.3, 4), Group(3.0), Group(0.55), Group(2.2, 3)))
+MIXED = Mixed((Group(0.9, 5), Group(2.2, 3), Group(1.3, 4), Group(3.0), Group(0.6), Group(2.2, 3)))
 LAW = Profile(((0.0, 0.2), (6.0, 1.5), (20.0, 1.5), (24.0, -0.7), (30.0, -0.7), (30.0, 1.1), (40.0, 0.9)), 'smooth')
 SCENES = {
     'inwards, far from the lock': Scene(run=Run(0, 300)),
@@ -255,7 +255,7 @@ def test_a_circle_on_which_all_handles_are_as_fast_is_not_cut_without_end(lead):
 
 
 DRAGONS = st.builds(lambda lengths: Mixed(tuple(Group(0.55 + length, 2) for length in lengths)), st.lists(
-    st.one_of(st.sampled_from([0.0, 1.65, 2.86]), st.floats(0.05, 3.0)), min_size=1, max_size=8))
+    st.one_of(st.sampled_from([0.05, 1.65, 2.86]), st.floats(0.05, 3.0)), min_size=1, max_size=8))
 LAWS = st.builds(lambda lead, ramps, speeds: Profile(tuple((4.0 * n, v) for n, v in enumerate(speeds)), ramps, lead),
                  st.sampled_from(['head', 'tail']), st.sampled_from(['linear', 'smooth']),
                  st.lists(st.floats(-1, 3), min_size=1, max_size=4))
@@ -263,7 +263,7 @@ LAWS = st.builds(lambda lead, ramps, speeds: Profile(tuple((4.0 * n, v) for n, v
 
 @examples(25)
 @given(DRAGONS, TRACKS, LAWS, st.floats(0, 6), st.floats(0.1, 8))
-@example(Mixed((Group(0.55, 3),)), STurn(), Profile(((0.0, 1.0),)), 0.0, 3.0)
+@example(Mixed((Group(0.6, 3),)), STurn(), Profile(((0.0, 1.0),)), 0.0, 3.0)
 def test_no_handle_is_faster_than_the_bound_anywhere(dragon, track, law, start_s, lasts_s):
     try:
         scene = Scene(dragon, track, law, Run(start_s, start_s + lasts_s), solver='march')

@@ -13,7 +13,6 @@ from dragon_ros.core.enclosures.layers import Layers
 from dragon_ros.core.enclosures.on_spiral import bend
 from dragon_ros.core.errors import DragonError, FieldError
 from dragon_ros.core.numerics.double_double import DoubleDouble
-from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.search.driver import Boxes
 from dragon_ros.core.search.min_pitch import (
     _body_is_apart,
@@ -213,26 +212,12 @@ def test_a_box_whose_scales_are_two_adjacent_floats_is_cut_along_the_radius():
     assert np.all(parts.high[0] - parts.low[0] < 0.51 * (high - low)[0])
 
 
-def test_a_box_that_floats_cannot_divide_is_not_cut_and_limits_what_is_proved():
-    vast, radius_m = Dragon(60, 3.41e5, 1.15e5, 0.3e5, 0.275e5), 4.552372e5
-    search = _Descending(_PitchTask(vast, 4.5e5, 16.0, 1e5, 1e-9), 0, 0.3e5, lambda states: None)
-
-    def gap(scale):
-        placed = windings(vast, 0, 60, np.array([radius_m]), np.array([scale]))
-        return float(np.min(np.max(separations(vast, 0, placed, np.array([scale])), axis=-1)))
-
-    touch = illinois(gap, 15.9e-5, 16.1e-5, gap(15.9e-5), gap(16.1e-5))
-    low = np.array([[radius_m], [touch]])
-    assert search.judge(Boxes(low, np.nextafter(low, 1e9))).size == 0
-    assert search._limit == touch
-
-
 def test_long_windings_are_judged_in_smaller_numbers_until_shorter_ones_suffice():
-    search = descending(1, Dragon(benches=70_000))
-    assert search.at_once == 1
+    search = descending(1, Dragon(benches=20_000))
+    assert search.at_once < 10
     search._windings(np.array([5.0]), np.array([2 * np.pi / 0.55]))
     assert search.at_once == 256
-    short = descending(1, Dragon(70_000, 0.19, 0.19, 0.05, 0.02))
+    short = descending(1, Dragon(20_000, 0.19, 0.19, 0.05, 0.02))
     short._windings(np.array([20.0]), np.array([2 * np.pi]))
     count = short._windings(np.array([20.0]), np.array([2 * np.pi])).delta.shape[1]
     assert 2**15 < short.at_once * count <= 2**16

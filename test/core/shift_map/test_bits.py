@@ -19,7 +19,7 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import frame_of, state, tick
 from dragon_ros.core.tiers import tier_for
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
-from hard_cases.dances import dances
+from hard_cases import hard_cases
 
 TURNING = Scene(track=STurn(before_m=100.0), run=Run(0, 200))
 # The joints of this track lie within a link of the end of the first tile, 448 links from the track's beginning.
@@ -75,7 +75,7 @@ def test_nor_on_what_was_asked_before(times, order):
             assert there.chain(t_s).p.tobytes() == expected[t_s]
 
 
-SCENES = [problem.scene for problem in dances() if problem.name in ('turning', 'wiggle', 'unwinding')] + [
+SCENES = [problem.scene for problem in hard_cases() if problem.name in ('turning', 'wiggle', 'unwinding')] + [
     Scene(), BESIDE, Scene(dragon=Mixed((Group(3.41), Group(2.2, 20), Group(1.1, 20))), track=Spiral(0.55, 30.0))]
 
 

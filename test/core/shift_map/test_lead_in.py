@@ -15,7 +15,7 @@ from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import Place, spiral_track
 from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral
-from hard_cases.dances import dances
+from hard_cases import hard_cases
 
 LINKS_M = np.array([2.86] + [1.65] * 222)
 
@@ -47,7 +47,7 @@ def test_a_tail_before_a_block_is_in_its_product_too():
     assert (part.start, part.links) == (0, 41)
 
 
-CASES = {problem.name: problem.scene for problem in dances()}
+CASES = {problem.name: problem.scene for problem in hard_cases()}
 BACK = Scene(Mixed((Group(2.2, 20), Group(3.41))), Composite((Line(40.0), Arc(4.0, 100.0), Arc(3.0, -80.0), Line(30.0)),
                                                              start_m=70.0), Head(1.0, 'tail'), Run(0, 25))
 

@@ -24,13 +24,12 @@ from dragon_ros.core.tiers import position_promise_m, speed_promise_m_s
 from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
-from hard_cases.dances import dances
-from hard_cases.problems import problems
+from hard_cases import hard_cases
 
-CASES = {problem.name: problem.scene for problem in (*problems(), *dances())}
+CASES = {problem.name: problem.scene for problem in hard_cases()}
 MIXED = Mixed((Group(3.41), Group(2.2, 12), Group(2.55), Group(1.8, 10), Group(2.2, 4)))
 # Floats cannot resolve the distances travelled along these tracks, or the dragon starts so close to its lock.
-UNCOVERED = {'far-1e6', 'far-1e9', 'link-is-diameter'}
+UNCOVERED = {'link-is-diameter'}
 FEW = {'far-joined'}        # coordinates of 16 km are rounded too coarsely for the series of most cells
 HARDEST = {'mixed-by-the-tail', 'tight', 'spirals', 'a-year-of-rounds'}
 MAPPED = [name for name, scene in CASES.items() if compile_scene(scene).model.placement.leader_map]
@@ -92,7 +91,7 @@ def test_a_dragon_whose_benches_all_differ_is_in_one_product(track):
 
 
 @examples(30)
-@given(tracks, st.lists(st.tuples(st.sampled_from([0.0, 0.6, 1.1, 1.65]), st.integers(1, 12)), min_size=2, max_size=4),
+@given(tracks, st.lists(st.tuples(st.sampled_from([0.05, 0.6, 1.1, 1.65]), st.integers(1, 12)), min_size=2, max_size=4),
        st.sampled_from([BEHIND, AHEAD]), st.floats(0, 1))
 def test_on_any_track_any_mix_is_where_the_march_puts_it(pieces, mix, direction, part):
     links = np.array([1.65] * 8 + [length for length, count in mix for _ in range(count)])
@@ -111,8 +110,6 @@ def test_on_any_track_any_mix_is_where_the_march_puts_it(pieces, mix, direction,
     one = place.place(leader)
     assert np.max(np.abs(one.p - other.p)) < 5e-13
     np.testing.assert_allclose(one.velocities(1.5), other.velocities(1.5), rtol=0, atol=5e-12)
-    for link in np.flatnonzero(links == 0):     # both handles of a zero-length link are at one point
-        assert np.array_equal(one.p[link], one.p[link + 1])
 
 
 @examples(20)
@@ -200,7 +197,7 @@ def test_more_columns_than_one_product_takes_join_without_a_seam(benches):
 
 
 def test_chains_that_are_too_long_or_too_short_have_no_leader_map():
-    for dragon in (Dragon(600), Dragon(7), Dragon(9, 0.55, 0.55)):      # the last one has only links of zero length
+    for dragon in (Dragon(600), Dragon(7)):
         model = compile_scene(Scene(dragon, STurn(before_m=20.0), run=Run(0, 9))).model
         assert model.placement.leader_map is None
     assert compile_scene(Scene(MIXED, solver='march')).model.placement.leader_map is None

@@ -9,9 +9,9 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.spec import Spiral, STurn
-from hard_cases.dances import dances
+from hard_cases import hard_cases
 
-CASES = {problem.name: problem for problem in dances()}
+CASES = {problem.name: problem for problem in hard_cases()}
 
 
 @pytest.mark.parametrize('scene', [Scene(), Scene(run=Run(400, 413)), Scene(head=Head(-1.0), run=Run(0, 50)),
