@@ -68,7 +68,8 @@ def hold_lines(path: Path, folder: Path, wanted: list[Row], ended: bool, model: 
     if ended:
         assert topics_in(told.lines) == Counter(topic for topic, _, _ in wanted), 'inspect prints different counts'
     hold_saved(path, folder / 'printed.mcap', wanted)
-    others = [hold_ticks(path, folder, wanted, ended, model), *hold_check(path, wanted, ended, model)]
+    others = [hold_ticks(path, folder, wanted, ended, model), *hold_check(path, wanted, ended, model),
+              said('contact', path, '--namespace', 'dragon')]
     if told.code in (0, 3):
         assert not any(word in one.errors for one in others for word in _CUT_OFF), 'only one command finds damage'
     return told
@@ -108,7 +109,7 @@ def hold_ticks(path: Path, folder: Path, wanted: list[Row], ended: bool, model: 
         assert ticks_of('\n'.join(shown.lines)) == rows, 'table and export differ'
     with suppress(DragonError), BagReader(path) as bag:
         view = ViewData(dragon_in(bag, 'dragon'), iter)
-        assert [round(t_s * 1e9) for t_s in view.run['times_s']] == sorted(rows), 'view and export differ'
+        assert [round(t_s * 1e9) for t_s in view.times_s.tolist()] == sorted(rows), 'view and export differ'
     return exported
 
 
