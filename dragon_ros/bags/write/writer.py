@@ -3,7 +3,6 @@
 A path that ends in .mcap names a single file; any other path names a rosbag2 directory with ``metadata.yaml`` and one
 or more files.
 """
-import os
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -22,6 +21,7 @@ from dragon_ros.core.checks import number
 from dragon_ros.core.errors import DiskError, FieldError, InputError, MissingError
 from dragon_ros.messages.channels import Channel
 from dragon_ros.messages.schemas import schema_text, type_hash
+from dragon_ros.scenes.provenance import ros_distro
 
 MB = 10**6
 _SWITCH_S = 2e-5        # shorter than the intervals at which numpy releases the interpreter lock
@@ -311,7 +311,7 @@ def _metadata_text(files: Sequence[BagPart], topics: Mapping[str, tuple[str, str
         'relative_file_paths': [file.name for file in files],
         'files': [{'path': file.name, **_times(file.start_ns, file.end_ns), 'message_count': file.messages}
                   for file in files],
-        'custom_data': dict(custom) or None, 'ros_distro': os.environ.get('ROS_DISTRO', 'jazzy')}}, sort_keys=False)
+        'custom_data': dict(custom) or None, 'ros_distro': ros_distro()}}, sort_keys=False)
 
 
 def _times(start_ns: int, end_ns: int) -> dict[str, Any]:
