@@ -208,7 +208,7 @@ class BagWriter:
     def _new_file(self) -> McapWriter:
         path = self.path
         if self._folder is not None:
-            path /= f'{self.path.resolve().name}_{len(self._files)}.mcap'
+            path /= f'{Path(os.path.realpath(self.path)).name}_{len(self._files)}.mcap'
             described = sum(len(value) for _, values in self._extras.metadata for value in values.values())
             self._folder.reserve(_LISTED_BYTES + _LISTED_BYTES_A_PART * (len(self._files) + 1) + 2 * described)
         file = McapWriter(path, self._overwrite, self.options.compression, self.options.fsync, self._threaded)
