@@ -3,6 +3,7 @@
 A path that ends in .mcap names a single file; any other path names a rosbag2 directory with ``metadata.yaml`` and one
 or more files.
 """
+import os
 import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
