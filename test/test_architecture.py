@@ -27,7 +27,7 @@ GUESTS = {'dragon_contest': {'numpy', 'openpyxl', 'python_calamine', 'PIL'},
 ROOMS = {**{room: BELOW_NODES[:rank] for rank, room in enumerate(BELOW_NODES)},
          'commands': BELOW_NODES, 'nodes': BELOW_NODES, 'cost': BELOW_NODES, 'api': (*BELOW_NODES, 'commands'),
          'verify': ()}
-STARTS = {'commands': {'verify', 'nodes.one_path'}}     # these modules are started as processes
+STARTS = {'commands': {'verify', 'nodes.read_path'}}     # these modules are started as processes
 # The rooms and single modules of the core, and the parts of the core that each may import besides itself.
 VALUES = ('errors', 'checks', 'domain', 'flags', 'words')
 CHAIN = ('errors', 'checks', 'domain', 'numerics', 'tracks', 'chain')

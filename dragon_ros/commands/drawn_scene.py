@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 _EASY = 2.0             # default radius of corners, as a multiple of the smallest radius
 _FRAME = 'dragon'
 _PATH = 'nav_msgs/msg/Path'
-_RECEIVER = 'dragon_ros.nodes.one_path'
+_RECEIVER = 'dragon_ros.nodes.read_path'
 _TIMEOUT_S, _LONGEST_S = 10.0, 600.0     # how long to wait for a live path: by default, and at most
 _TABLES = ('.csv', '.txt')
 FORMATS = '.svg, .gpx, .kml, .kmz, .geojson, .osm, .wkt, .csv, or a bag with a nav_msgs/Path'

@@ -27,7 +27,7 @@ from dragon_ros.messages.cdr import Room, string_message
 from dragon_ros.messages.channels import channels, live
 from dragon_ros.messages.encode import encoders
 from dragon_ros.messages.fixed_size import Encode, FixedSize, Together
-from dragon_ros.messages.once import once
+from dragon_ros.messages.latched import latched_messages
 from dragon_ros.scenes import provenance
 
 _FRAME_ID = 'dragon'
@@ -59,7 +59,7 @@ def _introduce(scene: Scene, bag: BagWriter, namespace: str) -> None:
     settings = {key: str(value) for key, value in vars(bag.options).items()}
     bag.describe(provenance.RECORD, provenance.run_metadata(text, scene, settings | provenance.versions()))
     bag.attach(provenance.ATTACHMENT, 'application/yaml', text.encode())
-    latched = {**once(scene, _FRAME_ID), 'scene': string_message(text)}
+    latched = {**latched_messages(scene, _FRAME_ID), 'scene': string_message(text)}
     for name in (*latched, *(row.name for row in live(scene.effects))):
         bag.add_channel(f'{namespace}/{name}', channels()[name])
     for name, data in latched.items():

@@ -6,7 +6,7 @@ from typing import Any
 
 from dragon_ros.core.limits import INBOX_BYTES, INBOX_MESSAGES
 from dragon_ros.messages.decode import MessageError, stamp_of_message
-from dragon_ros.messages.even_skips import FROM_FILL, EvenSkips
+from dragon_ros.messages.skipping import FROM_FILL, TickSkipper
 from dragon_ros.nodes import raw_subscription
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.publishers import Publishers
@@ -32,7 +32,7 @@ class Inbox:
         self._sources, self._read, self._rest, self._tell = sources, read, rest, tell
         self._held, self._wait = held, wait
         self._waiting: deque[tuple[str, bytes, Any]] = deque()
-        self._bytes, self._skips = 0, EvenSkips()
+        self._bytes, self._skips = 0, TickSkipper()
         self._timer = node.create_timer(0.0, self.work, clock=STEADY)
         self._timer.cancel()
 

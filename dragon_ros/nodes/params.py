@@ -26,7 +26,7 @@ class Parameter(NamedTuple):
     or_number: bool = False     # a text that may be a number
 
 
-# For every node that plays frames; nodes/controls.py reads them.
+# For every node that plays frames; nodes/playback.py reads them.
 CONTROLS = (
     Parameter('step_ticks', 1, 'Number of ticks played by the service step', 1, 1000, live=True),
     Parameter('seek_s', -1.0, 'Time in seconds for the service seek, which moves to the last tick at or before it; '

@@ -11,8 +11,8 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.publisher import Publisher
 
-from dragon_ros.bags.record.first_word import FirstWord
-from dragon_ros.bags.record.last_word import LastWord
+from dragon_ros.bags.record.first_report import FirstReport
+from dragon_ros.bags.record.last_report import LastReport
 from dragon_ros.bags.record.loss_accounting import RECEIVED, LossAccount
 from dragon_ros.bags.record.scene_reader import SceneReader
 from dragon_ros.bags.record.simulation_clock import SimulationClock
@@ -25,7 +25,7 @@ from dragon_ros.core.limits import RECORDED_SCENES
 from dragon_ros.core.words import counted
 from dragon_ros.messages.channels import Channel, channels
 from dragon_ros.messages.decode import MessageError, read_health, read_string, stamp_of_message
-from dragon_ros.messages.even_skips import FROM_FILL, EvenSkips
+from dragon_ros.messages.skipping import FROM_FILL, TickSkipper
 from dragon_ros.nodes import publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.nodes.logs import Seldom
@@ -66,8 +66,8 @@ class Recorder(DragonNode):
         self._handles, = (one for one in self._sources if one.topic == self._names['handles'])
         self._each_tick = {self._names[name] for name, channel in channels().items() if channel.each_tick}
         self._latched = {self._names[name] for name, channel in channels().items() if channel.latched}
-        self._first_word, self._word, self._awaited_s, self._heard_s = FirstWord(), LastWord(), 0.0, 0.0
-        self._skips, self._skipped_before = EvenSkips(), 0
+        self._first_report, self._last_report, self._awaited_s, self._heard_s = FirstReport(), LastReport(), 0.0, 0.0
+        self._skips, self._skipped_before = TickSkipper(), 0
         self._several: dict[str, list[str]] = {}
         self._invalid = Counter[str]()       # by topic, the number of messages whose stamp or content is invalid
         self._named = set[str]()        # topics with messages that were left out
@@ -121,12 +121,12 @@ class Recorder(DragonNode):
 
     def has_rested(self) -> bool:
         """Return whether all reports on ticks received before the first call have arrived."""
-        self._word.fix()
+        self._last_report.fix()
         return self.writer.error is not None or not self._awaits_monitor()
 
     def _awaits_monitor(self) -> bool:
         """Return whether a monitor has not yet reported on the last tick; log this once."""
-        if self._word.is_said or not self.count_publishers(_REPORT):
+        if self._last_report.is_said or not self.count_publishers(_REPORT):
             return False
         now = time.monotonic()
         if not self._awaited_s:
@@ -159,7 +159,7 @@ class Recorder(DragonNode):
     def _is_complete(self, gone: bool) -> bool:
         """Return whether the closed bag contains all messages that are known to have been published."""
         return (self.losses.complete(gone) and not self._unpaired and not self._invalid
-                and not self._word.is_missing and self.bag.kept >= self.losses.received)
+                and not self._last_report.is_missing and self.bag.kept >= self.losses.received)
 
     @property
     def _unpaired(self) -> Counter[str]:
@@ -210,7 +210,7 @@ class Recorder(DragonNode):
         found = {f'{topic} too large': str(count) for topic, count in self.bag.left_out.items()}
         found |= {f'{topic} of an unknown tick': str(count) for topic, count in self._unpaired.items()}
         found |= {f'{topic} invalid': str(count) for topic, count in self._invalid.items()}
-        found |= {'monitor last word': 'missing'} if self._word.is_missing else {}
+        found |= {'monitor last word': 'missing'} if self._last_report.is_missing else {}
         found |= {'complete': 'false'} if found else {}
         return found | ({'monitor first reports missing': str(count)} if (count := self._first_missing) else {})
 
@@ -218,7 +218,7 @@ class Recorder(DragonNode):
     def _first_missing(self) -> int:
         """The number of reports on recorded ticks before the first one received; 0 if there are several monitors."""
         row = self.losses.topics.get(self._names[_REPORT])
-        return 0 if row and row.shared else self._first_word.missing
+        return 0 if row and row.shared else self._first_report.missing
 
     def _whole(self, gone: bool) -> str:
         """Return the part of the summary that states whether anything is missing."""
@@ -248,7 +248,7 @@ class Recorder(DragonNode):
         if count := self._first_missing:
             log.warning(f"the monitor's first reports are missing: {counted(count, '', 'was')} published before it had "
                         'found this recorder; record with --wait-monitor')
-        if self._word.is_missing:
+        if self._last_report.is_missing:
             log.warning("the monitor's last reports are missing: it has not reported on the last ticks")
         if self.losses.received > self.bag.kept:
             log.warning(f'not in the bag: {counted(self.losses.received - self.bag.kept, "received message")}')
@@ -306,11 +306,11 @@ class Recorder(DragonNode):
                 if handles:
                     self.losses.stamp(t_ns)
                 elif benches:
-                    self._word.examinable(t_ns)
-                    self._first_word.examinable(t_ns)
+                    self._last_report.examinable(t_ns)
+                    self._first_report.examinable(t_ns)
                 elif report:
-                    self._word.begins(t_ns)
-                    self._first_word.begins(t_ns)
+                    self._last_report.begins(t_ns)
+                    self._first_report.begins(t_ns)
                     self._heard_s = self._last
                 if marks:       # the previous tick's messages are written first, to keep the bag in order
                     watched.mark(source_ns, t_ns, sequence)
@@ -327,11 +327,11 @@ class Recorder(DragonNode):
         health = read_health(data, dragon)
         if health is None:
             return None
-        if not self._word.heard:
+        if not self._last_report.heard:
             self.get_logger().info('a monitor has been found')
             self._subscribe_to_all()
-        self._word.health(health)
-        self._first_word.health(health)
+        self._last_report.health(health)
+        self._first_report.health(health)
         if health.waiting:
             self._heard_s = time.monotonic()
         return health.t_ns

@@ -13,9 +13,9 @@ from dragon_ros.core.scene import NS
 from dragon_ros.core.words import counted
 from dragon_ros.nodes import clock, keys, publisher_queue, qos, shell
 from dragon_ros.nodes.base import DragonNode
-from dragon_ros.nodes.controls import STANDARD, Player
 from dragon_ros.nodes.entities import TOPICS, Bodies, bodies_of_messages
 from dragon_ros.nodes.params import REPLAY
+from dragon_ros.nodes.playback import STANDARD, Player
 from dragon_ros.nodes.replay_source import ReplaySource
 
 _JUMP_S = 5.0

@@ -21,15 +21,15 @@ from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
 from dragon_ros.messages.fixed_size import Together
-from dragon_ros.messages.once import DESCRIPTION, ENCODE, once
+from dragon_ros.messages.latched import DESCRIPTION, ENCODE, latched_messages
 from dragon_ros.nodes import publisher_queue, qos, shell
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.nodes.clock import ClockPublisher
-from dragon_ros.nodes.controls import STANDARD, Player
 from dragon_ros.nodes.entities import Bodies, bodies_of_frame
 from dragon_ros.nodes.frames import Frames
 from dragon_ros.nodes.led import Commands, LedFrames
 from dragon_ros.nodes.params import SIM
+from dragon_ros.nodes.playback import STANDARD, Player
 from dragon_ros.nodes.tf_publisher import TF, TfPublisher
 from dragon_ros.scenes.certificate import claim_of
 from dragon_ros.scenes.load import load_scene
@@ -128,7 +128,7 @@ class Sim(DragonNode):
     def _latched(self, about: dict[str, Any]) -> Iterator[tuple[str, bytes]]:
         """Yield (topic, message) for all latched topics; the scene's message contains the section ``about``."""
         value = self.setting
-        yield from once(self.scene, value['frame_id']).items()
+        yield from latched_messages(self.scene, value['frame_id']).items()
         if value['robot_description']:
             yield DESCRIPTION, ENCODE[DESCRIPTION](self.scene, value['frame_id'])
         yield 'scene', string_message(scene_file(self.scene, about))

@@ -18,8 +18,8 @@ from simulation_interfaces import action, msg, srv
 from dragon_ros.core.errors import DragonError
 from dragon_ros.messages.cdr import half_turns, stamp_of
 from dragon_ros.nodes.base import DragonNode
-from dragon_ros.nodes.controls import Player, Steps
 from dragon_ros.nodes.entities import Bodies, Region, box, chosen, convex_hull, sphere
+from dragon_ros.nodes.playback import Player, Steps
 
 State, Result, Features = msg.SimulationState, msg.Result, msg.SimulatorFeatures
 CATEGORY = msg.EntityCategory.CATEGORY_DYNAMIC_OBJECT       # category of handles and benches: moving but not human

@@ -25,8 +25,8 @@ from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import decode, read_pose_array
 from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.latched import latched_messages
 from dragon_ros.messages.markers import track_marker
-from dragon_ros.messages.once import once
 from dragon_ros.scenes.load import load_scene
 from dragon_ros.scenes.provenance import run_metadata, scene_file
 
@@ -372,7 +372,7 @@ TRAILING = {'one byte': lambda data: data + b'\0', 'a word': lambda data: data +
 def test_a_latched_message_that_is_missing_doubled_altered_or_lengthened_is_a_fault(tmp_path, name, change, describes):
     scene = load_scene('street', ['dragon.benches=3', 'run.stop_s=0.04'])
     text, encode = scene_file(scene), encoders(scene)
-    latched = {'scene': string_message(text), **once(scene, 'dragon')}
+    latched = {'scene': string_message(text), **latched_messages(scene, 'dragon')}
     with BagWriter(tmp_path / 'a.mcap') as bag:
         if describes:
             bag.describe('dragon_ros', run_metadata(text, scene, {}))

@@ -13,7 +13,7 @@ from dragon_ros.core.step import led_tick, tick
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
-from dragon_ros.messages.once import once
+from dragon_ros.messages.latched import latched_messages
 from dragon_ros.scenes.load import load_scene
 from dragon_ros.scenes.provenance import RECORD, run_metadata, scene_file
 
@@ -40,7 +40,7 @@ def messages_of(scene, frames):
     """Return the messages of a run as (topic, number on its topic, log time, bytes)."""
     text = scene_file(scene)
     start_ns, encode = scene.run.start_ns, encoders(scene)
-    latched = {'scene': string_message(text), **once(scene, 'dragon')}
+    latched = {'scene': string_message(text), **latched_messages(scene, 'dragon')}
     return [*((name, 0, start_ns, data) for name, data in latched.items()),
             *((name, k, frame.t_ns, bytes(encode[name](frame))) for k, frame in enumerate(frames) for name in encode)]
 

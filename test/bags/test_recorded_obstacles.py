@@ -20,7 +20,7 @@ from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
-from dragon_ros.messages.once import once
+from dragon_ros.messages.latched import latched_messages
 from dragon_ros.messages.surroundings import read_venue
 from dragon_ros.messages.venue_markers import fits_message, obstacles_message
 from dragon_ros.scenes.load import load_scene
@@ -67,7 +67,7 @@ def seen(venue, at, frame_id='dragon'):
 
 def test_obstacles_count_from_the_tick_of_their_stamp_on_and_replace_those_of_the_venue(bag_of):
     invalid = b'\0\1\0\0\7\0\0\0'
-    bag = bag_of((VENUE, 0, once(replace(SCENE, venue=wall('gate', 23.0)), 'dragon')['venue']),
+    bag = bag_of((VENUE, 0, latched_messages(replace(SCENE, venue=wall('gate', 23.0)), 'dragon')['venue']),
                  seen(wall('near', 20.5), 3), seen(None, 6), seen(wall('post', 20.4), 8), (SEEN, 9, invalid))
     obstacles = RecordedObstacles(bag, '/dragon', 'dragon')
     assert obstacles.some

@@ -35,7 +35,7 @@ from dragon_ros.core.step import tick
 from dragon_ros.messages.cdr import Writer, string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
-from dragon_ros.messages.once import once
+from dragon_ros.messages.latched import latched_messages
 from dragon_ros.messages.surroundings import CellRules, read_grid, read_venue
 from dragon_ros.messages.transforms import FrameTree
 from dragon_ros.scenes.load import load_scene, strangers_scene
@@ -347,7 +347,7 @@ def obstacles(folder: Path) -> Target:
         frames_.text(child)
         frames_.put('d', 1, 2, 0, 0, 0, 0, 1)
     seeds = [b'\0' + bytes(grid.finish()), b'\2' + bytes(frames_.finish()),
-             *(b'\1' + once(load_scene(name), 'dragon')['venue'] for name in ('street', 'square'))]
+             *(b'\1' + latched_messages(load_scene(name), 'dragon')['venue'] for name in ('street', 'square'))]
     return Target(seeds, run, (bytes(4), b'\xff' * 4, b'\0\0\0\x80', b'\1\0\0\0', b'\0\0\0\0\0\0\xf8\x7f', b'venue\0',
                                b'line\0', b'\0\0\0\0\0\0\xf0\x3f', b'map\0'))
 

@@ -10,8 +10,8 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
 from dragon_ros.messages.cdr import Writer
 from dragon_ros.messages.decode import MessageError
+from dragon_ros.messages.latched import latched_messages
 from dragon_ros.messages.markers import BLACK, CUBE, LINE_LIST, LINE_STRIP, TEXT_VIEW_FACING, MarkerSpec, put_marker
-from dragon_ros.messages.once import once
 from dragon_ros.messages.surroundings import CellRules, read_grid, read_venue
 
 VENUE = Venue((PolygonObstacle('yard', ((20, 0), (30, 0), (30, 9), (20, 9)), (((22, 2), (24, 2), (24, 4)),)),
@@ -47,7 +47,7 @@ def grid(cells, resolution_m=0.5, origin=(0, 0, 0, 0, 0, 0, 1), frame='map', siz
 
 
 def test_the_venue_of_a_sim_is_read_back_to_the_last_bit():
-    found, wanted = read_venue(once(replace(Scene(), venue=VENUE), 'sea')['venue']), surroundings_of(VENUE)
+    found, wanted = read_venue(latched_messages(replace(Scene(), venue=VENUE), 'sea')['venue']), surroundings_of(VENUE)
     assert (found.frame_id, found.left_out, found.around.names) == ('sea', '', ('yard', 'wall', 'inside'))
     assert found.around.side.tolist() == wanted.side.tolist() == [OUTSIDE, LINE, WITHIN]
     for name in ('start', 'stop', 'owner'):

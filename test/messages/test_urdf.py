@@ -13,8 +13,8 @@ from dragon_ros.core.step import tick
 from dragon_ros.messages.cdr import half_turns
 from dragon_ros.messages.decode import decode
 from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.latched import latched_messages
 from dragon_ros.messages.markers import BENCH_HEIGHT_M
-from dragon_ros.messages.once import once
 from dragon_ros.messages.urdf import urdf_of
 
 ROBOT = Effect.JOINTS | Effect.BENCHES
@@ -77,12 +77,12 @@ def test_the_command_writes_the_robot_of_a_scene(capsys, tmp_path):
 
 
 def test_the_path_is_the_track_in_one_frame_each_pose_along_the_way_to_the_next():
-    assert 'path' not in once(Scene(), 'sea')
+    assert 'path' not in latched_messages(Scene(), 'sea')
     scene = replace(Scene(run=Run(0, 20)), effects=Effect.PATH)
-    message = decode('nav_msgs/msg/Path', once(scene, 'sea')['path'])
+    message = decode('nav_msgs/msg/Path', latched_messages(scene, 'sea')['path'])
     assert {one['header']['frame_id'] for one in (message, *message['poses'])} == {'sea'}
     poses = np.array([one['pose'] for one in message['poses']]).reshape(-1, 7)
-    track = decode('visualization_msgs/msg/Marker', once(scene, 'sea')['track'])['points'].reshape(-1, 3)
+    track = decode('visualization_msgs/msg/Marker', latched_messages(scene, 'sea')['track'])['points'].reshape(-1, 3)
     assert np.array_equal(poses[:, :2], track[::-1, :2])
     steps = np.diff(poses[:, :2], axis=0)
     assert np.allclose(poses[:-1, 5:], half_turns(steps / np.hypot(*steps.T)[:, None]), rtol=0, atol=1e-12)

@@ -8,8 +8,8 @@ from dragon_ros.__main__ import main
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
 from dragon_ros.messages.decode import decode
+from dragon_ros.messages.latched import latched_messages
 from dragon_ros.messages.markers import LINE_LIST, TEXT_VIEW_FACING
-from dragon_ros.messages.once import once
 from dragon_ros.scenes.load import load_scene
 
 YARD = PolygonObstacle('yard', ((20, 0), (30, 0), (30, 9), (20, 9)), (((22, 2), (24, 2), (24, 4)),))
@@ -18,7 +18,7 @@ INSIDE = (-60, -60), (60, -60), (60, 60), (-60, 60)
 
 
 def markers_of(scene, frame_id='sea'):
-    return decode('visualization_msgs/msg/MarkerArray', once(scene, frame_id)['venue'])['markers']
+    return decode('visualization_msgs/msg/MarkerArray', latched_messages(scene, frame_id)['venue'])['markers']
 
 
 def edges_of(marker):
@@ -53,7 +53,7 @@ def test_the_inside_is_grey_and_obstacles_are_black():
 
 
 def test_a_scene_without_a_venue_has_no_such_topic():
-    assert 'venue' not in once(Scene(), 'sea')
+    assert 'venue' not in latched_messages(Scene(), 'sea')
 
 
 def test_a_bag_carries_the_venue_and_is_checked_with_it(tmp_path, capsys):

@@ -19,7 +19,7 @@ from dragon_ros.core.venue import LineObstacle, Venue
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import decode, read_diagnostics, read_stamp_ns
 from dragon_ros.messages.encode import encoders
-from dragon_ros.messages.once import once
+from dragon_ros.messages.latched import latched_messages
 from dragon_ros.scenes.load import load_scene
 
 SCENE = """
@@ -252,11 +252,11 @@ def test_a_venue_may_come_late_change_and_vanish_and_one_of_a_file_counts_with_i
     dragon.show(0, 200)      # the front is at 24.275 m
     dragon.wait('dragon', '1 obstacle with 1 edge from file far.geojson')
     out = node.create_publisher(MarkerArray, 'venue', qos.of_channel(channels()['venue']))
-    out.publish(once(replace(scene, venue=wall(24.0, 'gate')), 'dragon')['venue'])
+    out.publish(latched_messages(replace(scene, venue=wall(24.0, 'gate')), 'dragon')['venue'])
     dragon.wait('dragon', '1 obstacle with 1 edge from file far.geojson, 1 obstacle with 1 edge from venue')
     dragon.show(201)
     dragon.wait('dragon', "contact of bench 0 and obstacle 'gate' at 4.020000 s")
-    out.publish(once(replace(scene, venue=wall(50.0, 'other gate')), 'dragon')['venue'])
+    out.publish(latched_messages(replace(scene, venue=wall(50.0, 'other gate')), 'dragon')['venue'])
     dragon.show(202)
     dragon.wait('dragon', "contact ended by a change of the venue: bench 0 and obstacle 'gate'")
     out.publish(b'\x00\x01\x00\x00\x07\x00\x00\x00')
@@ -343,7 +343,7 @@ def test_the_status_names_the_obstacles_in_use_after_a_refused_venue(start, node
     monitor = start('monitor')
     dragon = Dragon(node, scene, 'dragon')
     out = node.create_publisher(MarkerArray, 'venue', qos.of_channel(channels()['venue']))
-    out.publish(once(replace(scene, venue=wall(24.0, 'gate')), 'dragon')['venue'])
+    out.publish(latched_messages(replace(scene, venue=wall(24.0, 'gate')), 'dragon')['venue'])
     monitor.wait_for('venue: 1 obstacle')
     dragon.show(0, 202)
     dragon.wait('dragon', "contact of bench 0 and obstacle 'gate'")

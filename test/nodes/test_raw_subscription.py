@@ -55,7 +55,7 @@ def test_one_turn_takes_a_quarter_second_of_a_fast_run_and_leaves_the_inbox_half
     from dragon_ros.core.scene import Scene
     from dragon_ros.core.step import tick
     from dragon_ros.messages.encode import encoders
-    from dragon_ros.messages.even_skips import FROM_FILL
+    from dragon_ros.messages.skipping import FROM_FILL
     from dragon_ros.nodes import qos
     from dragon_ros.nodes.raw_subscription import subscribe_raw, taker_of
     profile, sizes, turns = qos.lossless(qos.profile('reliable', 'volatile', 1)), [], []

@@ -46,8 +46,8 @@ from dragon_ros.messages.decode import (
 )
 from dragon_ros.messages.encode import encoders
 from dragon_ros.messages.fixed_size import Encode, Together, each
+from dragon_ros.messages.latched import DESCRIPTION, ENCODE, latched_messages
 from dragon_ros.messages.length import LengthCheck
-from dragon_ros.messages.once import DESCRIPTION, ENCODE, once
 from dragon_ros.scenes.provenance import ATTACHMENT, RECORD, other_kernel
 from dragon_ros.version import __version__
 
@@ -241,7 +241,7 @@ def _has(bag: BagReader, topic: str) -> bool:
 
 def _once_topics(scene: Scene, frame_id: str) -> list[str]:
     """Return the topics on which a run of the scene has exactly one message."""
-    return ['scene', *once(scene, frame_id)]
+    return ['scene', *latched_messages(scene, frame_id)]
 
 
 def _note_span(result: Comparison, scene: Scene, ticks: int) -> None:

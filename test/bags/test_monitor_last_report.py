@@ -1,19 +1,19 @@
 """A recorder detects when a monitor has reported on the last tick."""
 import pytest
 
-from dragon_ros.bags.record.last_word import LastWord
+from dragon_ros.bags.record.last_report import LastReport
 from dragon_ros.messages.decode import Health
 
 
-def word_of(*events):
-    """Return a ``LastWord`` after the events ('tick', t), ('begins', t), ('fix',) or ('health', t, waiting, leaves)."""
-    word = LastWord()
+def reported_after(*events):
+    """Return a ``LastReport`` after events ('tick', t), ('begins', t), ('fix',) or ('health', t, waiting, leaves)."""
+    report = LastReport()
 
     def health(t_ns, waiting=0, leaves=False):
-        word.health(Health(t_ns, waiting, leaves))
+        report.health(Health(t_ns, waiting, leaves))
     for what, *values in events:
-        {'tick': word.examinable, 'begins': word.begins, 'fix': word.fix, 'health': health}[what](*values)
-    return word
+        {'tick': report.examinable, 'begins': report.begins, 'fix': report.fix, 'health': health}[what](*values)
+    return report
 
 
 TICKS = ('tick', 1), ('tick', 2)
@@ -44,12 +44,12 @@ TICKS = ('tick', 1), ('tick', 2)
     ([*TICKS, ('health', 2), ('fix',), ('begins', 0), ('begins', 1)], True),
     ([*TICKS, ('health', 2), ('begins', 0), ('begins', 1), ('fix',)], False),
 ])
-def test_a_monitor_has_said_its_last_word_once_no_report_on_the_last_tick_can_follow(events, said):
-    assert word_of(*events).is_said is said
+def test_a_monitor_has_given_its_last_report_once_none_on_the_last_tick_can_follow(events, said):
+    assert reported_after(*events).is_said is said
 
 
-def test_the_last_word_is_missing_only_from_a_monitor_that_was_heard():
-    assert not word_of(*TICKS).is_missing
-    assert not word_of(*TICKS, ('begins', 1)).is_missing
-    assert word_of(*TICKS, ('health', 1)).is_missing
-    assert not word_of(*TICKS, ('health', 2)).is_missing
+def test_the_last_report_is_missing_only_from_a_monitor_that_was_heard():
+    assert not reported_after(*TICKS).is_missing
+    assert not reported_after(*TICKS, ('begins', 1)).is_missing
+    assert reported_after(*TICKS, ('health', 1)).is_missing
+    assert not reported_after(*TICKS, ('health', 2)).is_missing

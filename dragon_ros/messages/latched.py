@@ -12,7 +12,7 @@ from dragon_ros.messages.markers import track_marker
 DESCRIPTION = 'robot_description'
 
 
-def once(scene: Scene, frame_id: str) -> dict[str, bytes]:
+def latched_messages(scene: Scene, frame_id: str) -> dict[str, bytes]:
     """Return, by topic, the latched messages of a scene, except the message that contains the scene itself."""
     wanted = ['track', *(['path'] if Effect.PATH in scene.effects else []),
               *(['venue'] if scene.venue is not None else [])]

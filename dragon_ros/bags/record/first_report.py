@@ -11,7 +11,7 @@ _MOST_TICKS = 100_000       # maximum number of ticks that are kept until a repo
 _MOST_REPORTS = 10_000      # maximum number of reports that are kept until the health arrives that refers to them
 
 
-class FirstWord:
+class FirstReport:
     """Compares the number of reports that a monitor has made with the number of reports received."""
 
     def __init__(self) -> None:

@@ -6,11 +6,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
 
-from dragon_ros.messages.even_skips import FROM_FILL, EvenSkips
+from dragon_ros.messages.skipping import FROM_FILL, TickSkipper
 
 
 def kept(fill, ticks=1000):
-    skips = EvenSkips()
+    skips = TickSkipper()
     found = [skips.keeps('handles', k, fill) for k in range(ticks)]
     assert skips.skipped == found.count(False)
     return found
@@ -24,7 +24,7 @@ def test_all_ticks_are_kept_up_to_half_of_the_budget_and_none_beyond_it(fill, sh
 
 @pytest.mark.parametrize('fill', [1.0, 1.5, 3.0])
 def test_once_a_queue_beyond_its_budget_is_empty_again_the_next_tick_is_kept(fill):
-    skips = EvenSkips()
+    skips = TickSkipper()
     assert not any(skips.keeps('handles', k, fill) for k in range(10))
     assert skips.keeps('handles', 10, 0.0)
 
@@ -37,7 +37,7 @@ def test_what_is_skipped_is_spread_evenly(fill, longest):
 @examples(40)
 @given(st.lists(st.tuples(st.integers(0, 9), st.sampled_from('abc'), st.floats(0, 2)), max_size=60))
 def test_a_tick_is_kept_on_all_topics_or_on_none(messages):
-    skips, said = EvenSkips(), {}
+    skips, said = TickSkipper(), {}
     for t_ns, topic, fill in messages:
         keeps, ahead = skips.keeps(topic, t_ns, fill), said.setdefault(t_ns, {})
         if topic in ahead:      # the run has been restarted
@@ -49,7 +49,7 @@ def test_a_tick_is_kept_on_all_topics_or_on_none(messages):
 @examples(20)
 @given(st.floats(1.0, 20.0), st.integers(20, 80))
 def test_a_queue_settles_within_its_budget_and_the_steps_between_ticks_stay_even(faster, room):
-    skips, waiting, taken, last, steps = EvenSkips(), 0, 0.0, -1, []
+    skips, waiting, taken, last, steps = TickSkipper(), 0, 0.0, -1, []
     for k in range(40 * room):
         if skips.keeps('handles', k, waiting / room):
             waiting += 1

@@ -5,55 +5,19 @@ names include the node's name (``/dragon/sim/pause``), so that a sim and a repla
 """
 import time
 from collections.abc import Callable
-from typing import Protocol
 
 from std_srvs.srv import Trigger
 
 from dragon_ros.core.errors import DragonError
-from dragon_ros.core.words import counted
-from dragon_ros.nodes import logs
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.pacer import Pacer
+from dragon_ros.nodes.play_source import PlaySource
+from dragon_ros.nodes.progress import ProgressLog
 
 STANDARD = 'simulation_interfaces'      # package of the standard services; they are offered if it is installed
 _POLL_NS = 20_000_000       # interval between checks of whether playback may start
 _SLICE_S = 0.005            # maximum time of playback before other callbacks run
 _AGAIN_NS = 1_000_000_000   # interval between repetitions of a single frame
-_PROGRESS_S = 1.0               # interval between progress messages
-
-
-class PlaySource(Protocol):
-    """A source of frames in order of simulation time, with a current position."""
-
-    def next_ns(self) -> int | None:
-        """Return the time of the next frame, or None at the end."""
-
-    def last_ns(self) -> int:
-        """Return the time of the last frame."""
-
-    def show(self) -> None:
-        """Publish the next frame and advance."""
-
-    def flush(self) -> bool:
-        """Publish messages held back by slow readers; return whether none remain."""
-
-    def rewind(self) -> None:
-        """Move to the first frame."""
-
-    def seek(self, t_ns: int | None) -> None:
-        """Move to the last frame at or before ``t_ns`` (None: the first). Raises DragonError if there is no frame."""
-
-    def stamp_ns(self, t_s: float) -> int:
-        """Return the simulation time of a frame, given its time in seconds as users give and read it."""
-
-    def seconds(self, t_ns: int) -> float:
-        """Return the time in seconds that ``stamp_ns`` accepts."""
-
-    def place(self) -> str:
-        """Describe the position of the last frame shown."""
-
-    def ending(self) -> str:
-        """Return why there is no next frame."""
 
 
 def _nothing() -> None:
@@ -96,7 +60,7 @@ class Player:
         self.pacer, self.paused, self.stopped, self.done = Pacer(time_scale), False, False, False
         self._node, self._source, self._ready = node, source, ready
         self._waiting, self._holds, self._owed = True, False, Steps(0)
-        self._note_place()
+        self._progress = ProgressLog(node.get_logger(), source, self.pacer)
         self._timer = node.create_timer(0.0, self._on_timer, clock=STEADY)
         for name in ('pause', 'resume', 'reset', 'step', 'seek'):
             node.create_service(Trigger, f'~/{name}', self._service(getattr(self, name)))
@@ -183,7 +147,7 @@ class Player:
         def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             try:
                 response.success, response.message = True, act()
-                self._note_place()
+                self._progress.note_place()
             except DragonError as error:
                 response.success, response.message = False, str(error)
             return response
@@ -245,7 +209,8 @@ class Player:
         delay_ns: int | None = 0
         while delay_ns == 0 and time.monotonic() < until:
             delay_ns = self._play_one()
-        self._log_progress()
+        if not self.stands():
+            self._progress.log()
         return delay_ns
 
     def _play_one(self) -> int | None:
@@ -276,36 +241,5 @@ class Player:
             return _AGAIN_NS if self.pacer.scale and self._source.next_ns() == self.pacer.last_ns else 0
         self.paused = self._holds = at_end == 'hold'
         self.done = at_end == 'stop'
-        self._log_end(': holding until a signal, reset or seek' if self.paused else '')
+        self._progress.log_end(': holding until a signal, reset or seek' if self.paused else '')
         return None
-
-    def _log_end(self, then: str) -> None:
-        pacer = self.pacer
-        if pacer.overruns:
-            self._node.get_logger().warning(f'{self._source.ending()}{then}; '
-                                            f'{counted(pacer.overruns, "overrun")}, the worst '
-                                            f'{pacer.worst_late_s:.3f} s late')
-        else:
-            self._node.get_logger().info(f'{self._source.ending()}{then}')
-
-    def _log_progress(self) -> None:
-        """Log the progress every second if anyone reads the log."""
-        if time.monotonic() - self._logged_s >= _PROGRESS_S and logs.progress_wanted() and not self.stands():
-            pacer, left_s = self.pacer, self._left_s()
-            left = '' if left_s is None else f', {left_s:.0f} s left'
-            logs.progress(self._node.get_logger(), f'{self._source.place()}{left}, '
-                          f'{counted(pacer.overruns, "overrun")}', {
-                              't_s': self._source.seconds(pacer.last_ns or 0), 'left_s': left_s,
-                              'overruns': pacer.overruns, 'time_scale': pacer.scale})
-            self._note_place()
-
-    def _left_s(self) -> float | None:
-        """Return the wall time (s) until the end at the recent speed, or None if time has not advanced."""
-        t_ns = self.pacer.last_ns
-        if t_ns is None or self._logged_ns is None or t_ns <= self._logged_ns:
-            return None
-        wall_s = time.monotonic() - self._logged_s
-        return round(wall_s * (self._source.last_ns() - t_ns) / (t_ns - self._logged_ns), 3)
-
-    def _note_place(self) -> None:
-        self._logged_s, self._logged_ns = time.monotonic(), self.pacer.last_ns

@@ -71,7 +71,7 @@ def test_a_recorder_waits_for_a_monitor_that_has_not_yet_examined_the_last_tick(
     assert MISSING not in record.text
 
 
-def test_a_recorder_that_never_gets_the_last_word_of_a_monitor_says_so_and_exits_3(start, held, tmp_path):
+def test_a_recorder_that_never_gets_the_last_report_of_a_monitor_says_so_and_exits_3(start, held, tmp_path):
     bag, (monitor, _) = tmp_path / 'run.mcap', held
     record = start('record', '--output', bag)
     record.wait_for(FOUND)
@@ -84,7 +84,7 @@ def test_a_recorder_that_never_gets_the_last_word_of_a_monitor_says_so_and_exits
     assert (told['complete'], told['monitor last word']) == ('false', 'missing')
 
 
-def test_a_monitor_that_is_stopped_during_a_run_has_said_its_last_word(start, tmp_path):
+def test_a_monitor_that_is_stopped_during_a_run_has_given_its_last_report(start, tmp_path):
     bag, monitor = tmp_path / 'run.mcap', start('monitor')
     record = start('record', '--output', bag)
     record.wait_for(FOUND)

@@ -11,7 +11,7 @@ class _Tick:
     topics: set[str] = field(default_factory=set)
 
 
-class EvenSkips:
+class TickSkipper:
     """Decides for each stamp when its first message arrives; the decision applies to all messages with that stamp.
 
     Up to a fill level of ``FROM_FILL``, all ticks are kept; at a fill level of 1, none are; in between, the fraction of

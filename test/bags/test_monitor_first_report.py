@@ -1,13 +1,13 @@
 """A recorder counts the first reports of a monitor that it did not receive."""
 import pytest
 
-from dragon_ros.bags.record.first_word import FirstWord
+from dragon_ros.bags.record.first_report import FirstReport
 from dragon_ros.messages.decode import Health
 
 
 def missing_after(*events):
     """Return the number of missing reports after the events ('tick', t), ('begins', t) or ('health', t, reports)."""
-    word = FirstWord()
+    word = FirstReport()
     for what, *values in events:
         if what == 'health':
             t_ns, reports = values

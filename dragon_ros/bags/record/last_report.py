@@ -8,7 +8,7 @@ from dragon_ros.messages.decode import Health
 _IDLE = 2       # number of idle health messages after which no reports are expected; the first may be outdated
 
 
-class LastWord:
+class LastReport:
     """Compares a monitor's reports with the ticks that it can examine."""
 
     def __init__(self) -> None:
