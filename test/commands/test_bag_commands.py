@@ -263,7 +263,7 @@ def test_a_repair_that_loses_a_message_that_parses_says_how_many_and_exits_with_
     path.write_bytes(b'\x89MCAP0\r\n' + header + undeclared + end + b'\x89MCAP0\r\n')
     code, out, _ = run(capsys, 'inspect', path, '--repair', tmp_path / 'saved.mcap')
     assert code == 1
-    assert 'only 0 of 1 readable messages were saved' in out
+    assert '1 readable message was not saved' in out
 
 
 def test_check_takes_a_speed_of_minus_nothing_for_rest(capsys, tmp_path):

@@ -14,7 +14,6 @@ from functools import cached_property
 from heapq import merge
 from itertools import chain, count, groupby
 from math import ceil, inf
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -255,7 +254,7 @@ def _note_span(result: Comparison, scene: Scene, ticks: int) -> None:
 
 
 class _PartOfRun:
-    """Compares parts of a run that is fully determined by its scene; a pickled copy reopens the bag."""
+    """Compares parts of a run that is fully determined by its scene; a pickled copy compiles the scene again."""
 
     def __init__(self, bag: BagReader, *settings: Any) -> None:
         """``settings`` holds the scene, namespace, frame ID, contact time, topics, and the bag's version and kernel."""
@@ -279,8 +278,8 @@ class _PartOfRun:
         return sum(len(encode(frame)) for encode in self._encode.values())
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle the bag's path instead of the open bag."""
-        return _reopened, (self._bag.path, *self._settings)
+        """Pickle the arguments."""
+        return _PartOfRun, (self._bag, *self._settings)
 
     def spans(self) -> list[_Span]:
         """Return the parts as (first tick, tick after the last); they outnumber the messages by at most one."""
@@ -338,10 +337,6 @@ class _Waiting:
         _compare_ticks(self._result, self._scene, self._encode, list(zip(count(self._first), frames, self._recorded)))
         self._bytes = 0
         self._recorded.clear()
-
-
-def _reopened(path: Path, *settings: Any) -> _PartOfRun:
-    return _PartOfRun(BagReader(path), *settings)
 
 
 def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode], instants: Iterable[_Instant],

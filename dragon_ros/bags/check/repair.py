@@ -12,8 +12,6 @@ from mcap.writer import CompressionType, Writer
 from dragon_ros.bags.check.capped_log import CappedLog
 from dragon_ros.bags.read.folder import files_of
 from dragon_ros.bags.read.mcap import (
-    MAGIC,
-    MESSAGE_HEAD,
     BagError,
     Index,
     Location,
@@ -29,7 +27,7 @@ from dragon_ros.bags.read.mcap import (
 )
 from dragon_ros.bags.write.whole_file import whole_or_none
 from dragon_ros.core.errors import InputError, MissingError
-from dragon_ros.core.limits import CHUNK_BYTES
+from dragon_ros.core.words import counted
 from dragon_ros.version import __version__
 
 
@@ -37,7 +35,7 @@ from dragon_ros.version import __version__
 class Repaired:
     """The number of recovered messages, and a line for each part that was lost.
 
-    ``unsaved`` counts messages that can be parsed but were not saved.
+    ``unsaved`` counts messages that can be parsed but were not saved, because of a wrong CRC or an unknown channel.
     """
 
     messages: int = 0
@@ -99,62 +97,43 @@ def _created(output: Path) -> Iterator[IO[bytes]]:
 
 
 def _save(done: Repaired, sink: _Sink, file: McapFile, progress: Callable[[int], object]) -> None:
-    scanned, before = scanned_index(file), done.messages
+    scanned, before = scanned_index(file), done.unsaved
     for fault in (*scanned.faults, *([scanned.damage] if scanned.damage else ())):
         done.lost.note(fault)
     done.lost.count += scanned.fault_count - len(scanned.faults)
     for place in (*scanned.metadata, *scanned.attachments):
         _copy(done, sink, file, place)
     for batch in (*scanned.batches, *_beyond(file, scanned)):
+        counted_before = done.messages + done.unsaved
         try:
             for row, data in scanned.survey(batch):
                 _put(done, sink, scanned, row, data)
         except BagError as error:
             done.lost.note(error)
+            done.unsaved += max(0, _parsed_in(file, batch.place) + counted_before - done.messages - done.unsaved)
         progress(batch.place.end - batch.place.offset)
     for row, data in _first(scanned):
         _put(done, sink, scanned, row, data)
-    parsed, saved = messages_that_parse(file), done.messages - before
-    if parsed > saved:
-        done.unsaved += parsed - saved
-        done.lost.note_first(f'{file.path}: only {saved} of {parsed} readable messages were saved')
+    if done.unsaved > before:
+        done.lost.note_first(f'{file.path}: {counted(done.unsaved - before, "readable message", "was")} not saved')
 
 
 def _put(done: Repaired, sink: _Sink, index: Index, row: StoredMessage, data: bytes) -> None:
     channel = index.channels.get(row.channel)
     if channel is None:
         done.lost.note(f'{index.file.path}: a message on the undeclared channel {row.channel}')
+        done.unsaved += 1
         return
     sink.writer.add_message(sink.channel(index, channel), row.t_ns, data[row.start:row.end], row.publish_ns,
                             row.sequence)
     done.messages += 1
 
 
-def messages_that_parse(file: McapFile) -> int:
-    """Count the messages before the first damage in a separate pass over all records.
-
-    The pass shares only the record parser with the scan, so its count can verify a repair.
-    """
-    found, offset = 0, len(MAGIC)
-    while offset < file.size:
-        if file.read(offset, min(len(MAGIC), file.size - offset)) == MAGIC:      # separates two bags
-            offset += len(MAGIC)
-            continue
-        try:
-            place = file.place(offset)
-        except BagError:
-            break
-        if place.opcode == Opcode.MESSAGE:
-            found += MESSAGE_HEAD <= place.length <= CHUNK_BYTES
-        elif place.opcode == Opcode.CHUNK:
-            found += _parsed_in(file, place)
-        offset = place.end
-    return found
-
-
 def _parsed_in(file: McapFile, place: Location) -> int:
     """Count the messages of a chunk that can be parsed, even if the chunk's CRC is wrong."""
     found = 0
+    if place.opcode != Opcode.CHUNK:
+        return found
     with suppress(BagError, ValueError):
         for record in records_in(chunk_data(file, place, checked=False)):
             found += isinstance(record, StoredMessage)

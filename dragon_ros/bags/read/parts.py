@@ -1,9 +1,10 @@
 """Read the ticks of a long bag in parts, optionally in several processes."""
 from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import closing
+from dataclasses import dataclass
+from functools import partial
 from itertools import chain, islice
-from pathlib import Path
-from typing import Any, Generic, TypeVar
+from typing import Generic, TypeVar
 
 from dragon_ros.bags.read.frames import BagFrame, frames, frames_of_part
 from dragon_ros.bags.read.reader import END_OF_TIME_NS, BagReader
@@ -15,14 +16,14 @@ _Span = tuple[int, int]
 Mapped = Callable[[Callable[[_Span], R], Sequence[_Span]], Generator[R, None, None]]
 
 
+@dataclass(frozen=True)
 class _PartReader(Generic[R]):
     """Applies ``body`` to the ticks in a span of log times; a pickled copy reopens the bag."""
 
-    def __init__(self, bag: BagReader, root: str, body: Callable[[Iterator[BagFrame]], R], end_ns: int) -> None:
-        self._bag, self._root, self._body, self._end_ns = bag, root, body, end_ns
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _reopened, (_PartReader, self._bag.path, self._root, self._body, self._end_ns)
+    bag: BagReader
+    root: str
+    body: Callable[[Iterator[BagFrame]], R]
+    end_ns: int
 
     def __call__(self, span: _Span) -> tuple[R, bool]:
         """Return the result, and whether reading the whole bag would give the same result for these ticks."""
@@ -30,13 +31,9 @@ class _PartReader(Generic[R]):
 
         def ticks() -> Iterator[BagFrame]:
             nonlocal whole
-            whole = yield from frames_of_part(self._bag, self._root, *span, span[1] == self._end_ns)
-        result = self._body(ticks())
+            whole = yield from frames_of_part(self.bag, self.root, *span, span[1] == self.end_ns)
+        result = self.body(ticks())
         return result, whole
-
-
-def _reopened(kind: Callable[..., Any], path: Path, *settings: Any) -> Any:
-    return kind(BagReader(path), *settings)
 
 
 def in_parts(bag: BagReader, root: str, body: Callable[[Iterator[BagFrame]], R], mapped: 'Mapped[tuple[R, bool]]',
@@ -61,20 +58,10 @@ def in_parts(bag: BagReader, root: str, body: Callable[[Iterator[BagFrame]], R],
         yield body(iter(some))
 
 
-class _Stamps:
-    """Reads the stamp and the log time, in ns, of each message of a topic; a pickled copy reopens the bag."""
-
-    def __init__(self, bag: BagReader, topic: str) -> None:
-        self._bag, self._topic = bag, topic
-
-    def __reduce__(self) -> tuple[Any, ...]:
-        return _reopened, (_Stamps, self._bag.path, self._topic)
-
-    def __call__(self, span: _Span) -> list[tuple[int, int]]:
-        """Return the stamps and log times of the messages in a span of log times."""
-        return [(read_stamp_ns(one.data), one.t_ns) for one in self._bag.messages([self._topic], *span)]
-
-
 def stamps_of(bag: BagReader, topic: str, mapped: Mapped[list[tuple[int, int]]]) -> Iterator[tuple[int, int]]:
     """Yield the stamp and the log time, in ns, of each message of a topic; for ``mapped``, see ``in_parts``."""
-    return chain.from_iterable(mapped(_Stamps(bag, topic), bag.spans(0, END_OF_TIME_NS)))
+    return chain.from_iterable(mapped(partial(_stamps, bag, topic), bag.spans(0, END_OF_TIME_NS)))
+
+
+def _stamps(bag: BagReader, topic: str, span: _Span) -> list[tuple[int, int]]:
+    return [(read_stamp_ns(one.data), one.t_ns) for one in bag.messages([topic], *span)]

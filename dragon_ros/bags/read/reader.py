@@ -93,6 +93,10 @@ class BagReader:
         self.start_ns = min((start for start, _ in spans), default=0)
         self.end_ns = max((end for _, end in spans), default=0)
 
+    def __reduce__(self) -> tuple[type['BagReader'], tuple[Path, bool]]:
+        """Pickle the path, so that another process opens the bag itself."""
+        return BagReader, (self.path, self._damaged)
+
     @property
     def files(self) -> list[Path]:
         """The files of the bag."""
