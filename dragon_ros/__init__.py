@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dragon_ros.api import (
         Bag,
+        Clearance,
         Contact,
+        DiskError,
         DragonError,
         FieldError,
         InputError,
@@ -17,17 +19,21 @@ if TYPE_CHECKING:
         ModelEnd,
         Motion,
         NoContact,
+        Scene,
         Simulated,
         compile,  # noqa: A004
         design,
         plot,
         read_bag,
         scene,
+        scene_from,
+        scene_values,
     )
     from dragon_ros.version import __version__ as __version__
 
-__all__ = ['Bag', 'Contact', 'DragonError', 'FieldError', 'InputError', 'MissingError', 'ModelEnd', 'Motion',
-           'NoContact', 'Simulated', 'compile', 'design', 'plot', 'read_bag', 'scene']
+__all__ = ['Bag', 'Clearance', 'Contact', 'DiskError', 'DragonError', 'FieldError', 'InputError', 'MissingError',
+           'ModelEnd', 'Motion', 'NoContact', 'Scene', 'Simulated', 'compile', 'design', 'plot', 'read_bag', 'scene',
+           'scene_from', 'scene_values']
 
 
 def __getattr__(name: str) -> Any:

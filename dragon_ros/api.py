@@ -4,8 +4,8 @@ Lengths are in metres, angles in radians and times in seconds; all arrays are nu
 handle. Every error that dragon_ros raises deliberately is a DragonError; its subclass InputError reports invalid input.
 """
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike, fspath
 from pathlib import Path
@@ -19,8 +19,12 @@ from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.batches import batches, states, velocity_of
 from dragon_ros.core.chain.dragon import AnyDragon, Dragon, Mixed
 from dragon_ros.core.checks import number, whole
-from dragon_ros.core.errors import DragonError, FieldError, InputError, MissingError, ModelEnd
+from dragon_ros.core.errors import DiskError, DragonError, FieldError, InputError, MissingError, ModelEnd
 from dragon_ros.core.frame import Frame
+from dragon_ros.core.geometry.near_obstacles import with_obstacles
+from dragon_ros.core.geometry.near_pairs import closeness
+from dragon_ros.core.geometry.rectangles import axes_of, benches_of, corner_levers
+from dragon_ros.core.geometry.venue import surroundings_of
 from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.scene import NS, Scene
@@ -29,20 +33,25 @@ from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.spec import STurn
 from dragon_ros.core.words import counted
-from dragon_ros.scenes.load import changed_scene, scene_values
+from dragon_ros.scenes.load import changed_scene, scene_of
+from dragon_ros.scenes.load import scene_values as values_of_scene
+from dragon_ros.scenes.yaml import Document
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from dragon_ros.core.model import End
     from dragon_ros.core.search.bounding_box import BoundingBox
     from dragon_ros.core.search.max_speed import MaxSpeed
     from dragon_ros.core.search.min_pitch import MinPitch
+    from dragon_ros.core.search.near_misses import NearMisses
     from dragon_ros.core.search.venue_fit import VenueFit
     from dragon_ros.core.tracks.s_turn import TurnAnswer
 
 Progress = Callable[[int], object]
-__all__ = ['Bag', 'Contact', 'DragonError', 'FieldError', 'InputError', 'MissingError', 'ModelEnd', 'Motion',
-           'NoContact', 'Simulated', 'compile', 'design', 'plot', 'read_bag', 'scene']
+__all__ = ['Bag', 'Clearance', 'Contact', 'DiskError', 'DragonError', 'FieldError', 'InputError', 'MissingError',
+           'ModelEnd', 'Motion', 'NoContact', 'Scene', 'Simulated', 'compile', 'design', 'plot', 'read_bag', 'scene',
+           'scene_from', 'scene_values']
 _DPI = 72       # width of a scene's picture in Jupyter
 
 
@@ -58,6 +67,16 @@ def scene(name_or_path: str | PathLike[str] = 'winding', **changes: Any) -> Scen
     an unknown scene.
     """
     return changed_scene(_path('name_or_path', name_or_path), changes)
+
+
+def scene_values(scene: Scene) -> dict[str, Any]:
+    """Return a scene as a mapping that is laid out like a complete scene file."""
+    return values_of_scene(_scene('scene', scene))
+
+
+def scene_from(values: Mapping[str, Any]) -> Scene:
+    """Return the scene of a mapping that is laid out like a scene file. Raises an InputError that names the key."""
+    return scene_of(Document('scene', dict(values)))
 
 
 def compile(scene: Scene) -> 'Simulated':       # noqa: A001 - the usual term; always called as dr.compile
@@ -131,6 +150,21 @@ class Motion:
                              **dict(zip(COLUMNS[2:], rows.T, strict=True))})
 
 
+@dataclass(frozen=True)
+class Clearance:
+    """The smallest gap (m) at a time (s), negative if there is an overlap, and the largest error of this gap.
+
+    ``benches`` are the two benches, or one bench if ``obstacle`` names the obstacle of a venue. The fields are None if
+    there is no gap, as between one or two benches.
+    """
+
+    t_s: float
+    gap_m: float | None
+    error_m: float | None
+    benches: tuple[int, ...] | None
+    obstacle: str | None
+
+
 @dataclass(frozen=True, eq=False)
 class Simulated:
     """A compiled scene that can be queried for the handles at any time, the first contact, or a tick's contents."""
@@ -201,6 +235,39 @@ class Simulated:
         searched to its end; the error suggests an earlier stop.
         """
         return first_contact(self.scene, progress)
+
+    def near_misses(self, below_m: float = 0.01, *, contact: Contact | NoContact | None = None,
+                    progress: Progress = _quiet) -> 'NearMisses':
+        """Return the gaps below ``below_m`` before the first contact or the end of the run, nearest first.
+
+        ``contact`` may pass the result of ``contact()``, so that it is not searched for again. Near misses are found by
+        sampling and are not proved.
+        """
+        from dragon_ros.core.search.near_misses import near_misses
+        found = self.contact(progress=progress) if contact is None else contact
+        return near_misses(self.scene, found, number('below_m', below_m, above=0.0), progress)
+
+    def clearance(self, t_s: float | None = None) -> 'Clearance':
+        """Return the smallest gap between benches, or to obstacles, at a time (by default, at the end of the run)."""
+        t_s = self.simulation.end.t_s if t_s is None else number('t_s', t_s)
+        chain, dragon, venue = self.simulation.chain(t_s), self.scene.dragon, self.scene.venue
+        benches = benches_of(chain, dragon, axes_of(chain))
+        found = closeness(chain.p, benches)
+        if venue is not None:
+            found = with_obstacles(surroundings_of(venue), found, benches)
+        if found.closest is None:
+            return Clearance(t_s, None, None, None, None)
+        inner, outer = found.closest
+        levers, count = corner_levers(dragon, self.simulation.model.track.bend), len(benches.half_length)
+        met = [bench for bench in (inner, outer) if bench < count]      # the others are obstacles
+        obstacle = venue.names[outer - count] if venue is not None and outer >= count else None
+        return Clearance(t_s, found.clearance_m, float(levers[met].sum()) * self.simulation.promise_m,
+                         (inner,) if obstacle is not None else (inner, outer), obstacle)
+
+    @property
+    def limit(self) -> 'End | None':
+        """The time, reason ('lock' or 'track') and locking link at which the run would end without a stop time."""
+        return compile_scene(replace(self.scene, run=replace(self.scene.run, stop_s=None))).limit
 
     def track_m(self, sag_m: float = 1e-4) -> Floats:
         """Return points (P, 2) along the part of the track that handles cover during the run, accurate to ``sag_m``."""

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
-from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.words import counted
+from dragon_ros.cli.inputs import Floats, counted
 from dragon_studies.dataset import DataSet
 from dragon_studies.definition import Study
 from dragon_studies.questions import MAIN, name_of

@@ -5,8 +5,7 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
-from dragon_ros.core.errors import FieldError, InputError, MissingError
-from dragon_ros.core.numerics.types import Floats, read_only
+from dragon_ros.cli.inputs import FieldError, Floats, InputError, MissingError, read_only
 
 
 @dataclass(frozen=True, eq=False)

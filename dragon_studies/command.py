@@ -10,11 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dragon_ros.cli import command_line, figures
+from dragon_ros.cli.inputs import InputError, MissingError, counted, whole
 from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.signals import stopped_by_signals
-from dragon_ros.core.checks import whole
-from dragon_ros.core.errors import InputError, MissingError
-from dragon_ros.core.words import counted
 
 if TYPE_CHECKING:
     from dragon_studies.dataset import DataSet

@@ -16,11 +16,7 @@ from typing import IO, Any, NamedTuple
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from dragon_ros.bags.write.lock import lock
-from dragon_ros.core.errors import DiskError, InputError, MissingError
-from dragon_ros.core.words import counted
-from dragon_ros.scenes.provenance import versions
-from dragon_ros.scenes.yaml import read_document
+from dragon_ros.cli.inputs import DiskError, InputError, MissingError, counted, lock, read_document, versions
 from dragon_studies.definition import Study, as_text, study_of
 from dragon_studies.rows import Row, columns_of, parsed
 

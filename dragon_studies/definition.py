@@ -12,12 +12,25 @@ from typing import Any, ClassVar
 
 import yaml
 
-from dragon_ros.configuration import folder as configuration_folder
-from dragon_ros.core.checks import choice, number, settle, whole
-from dragon_ros.core.errors import FieldError, InputError, MissingError, shown
-from dragon_ros.core.scene import Scene
-from dragon_ros.scenes.load import changed_scene, scene_of, scene_values
-from dragon_ros.scenes.yaml import Document, parse_document, plain_number, read_document
+from dragon_ros import Scene
+from dragon_ros.cli.inputs import (
+    Document,
+    FieldError,
+    InputError,
+    MissingError,
+    changed_scene,
+    choice,
+    configuration_folder,
+    number,
+    parse_document,
+    plain_number,
+    read_document,
+    scene_of,
+    scene_values,
+    settle,
+    shown,
+    whole,
+)
 from dragon_studies.questions import QUESTIONS, Question, name_of
 
 DESIGNS = ('grid', 'random', 'sobol', 'saltelli')

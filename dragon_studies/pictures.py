@@ -15,9 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 
 from dragon_ros.cli.figures import BODY, HEAD, LINES, QUIET, TEXT_PT, legend_below, style
-from dragon_ros.core.errors import FieldError
-from dragon_ros.core.numerics.types import Floats, Ints
-from dragon_ros.core.words import counted
+from dragon_ros.cli.inputs import FieldError, Floats, Ints, counted
 from dragon_studies.answers import SAFE, main_answers, numbers
 from dragon_studies.dataset import DataSet
 from dragon_studies.definition import Listed

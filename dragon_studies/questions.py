@@ -9,22 +9,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any, ClassVar
 
-from dragon_ros.core.chain.dragon import AnyDragon
-from dragon_ros.core.checks import number
-from dragon_ros.core.domain import COORDINATE, PITCH, SPEED
-from dragon_ros.core.errors import FieldError, InputError
-from dragon_ros.core.geometry.near_obstacles import with_obstacles
-from dragon_ros.core.geometry.near_pairs import closeness
-from dragon_ros.core.geometry.rectangles import axes_of, benches_of, corner_levers
-from dragon_ros.core.geometry.venue import surroundings_of
-from dragon_ros.core.model import compile_scene
-from dragon_ros.core.scene import Scene
-from dragon_ros.core.search.bounding_box import bounding_box, fits
-from dragon_ros.core.search.certificate import Contact, NoContact
-from dragon_ros.core.search.first_contact import first_contact
-from dragon_ros.core.search.max_speed import max_speed
-from dragon_ros.core.search.min_pitch import MinPitch, min_pitch
-from dragon_ros.core.search.near_misses import near_misses
+import dragon_ros as dr
+from dragon_ros.cli.inputs import COORDINATE, PITCH, SPEED, FieldError, InputError, number
 
 Tell = Callable[[int], object]
 Values = dict[str, Any]
@@ -35,14 +21,14 @@ _SHARED = 64        # largest number of cached answers, which other rows of a ba
 class Asked:
     """A scene, and the results that several questions need, so that the first contact is computed only once."""
 
-    def __init__(self, scene: Scene, tell: Tell) -> None:
+    def __init__(self, scene: dr.Scene, tell: Tell) -> None:
         """Store the scene. ``tell(states)`` is called during the work, and may raise an exception to stop it."""
-        self.scene, self.tell = scene, tell
+        self.scene, self.compiled, self.tell = scene, dr.compile(scene), tell
 
     @cached_property
-    def contact(self) -> Contact | NoContact:
+    def contact(self) -> dr.Contact | dr.NoContact:
         """The first contact of the run."""
-        return first_contact(self.scene, self.tell)
+        return self.compiled.contact(progress=self.tell)
 
 
 @dataclass(frozen=True)
@@ -58,7 +44,7 @@ class FirstContactQuestion:
     def answer(self, asked: Asked) -> Values:
         """Return the answer. The time bounds follow from the position error; the proof excludes earlier contacts."""
         found, proved = asked.contact, asked.contact.certificate.complete
-        if isinstance(found, NoContact):
+        if isinstance(found, dr.NoContact):
             return {'contact': False, 'contact_proved': proved, 'run_end_s': found.end.t_s, 'run_end': found.end.reason}
         (x_m, y_m), obstacle = found.point_m, found.obstacle
         other: Values = {'contact_obstacle': obstacle.name} if obstacle else {'contact_outer': found.benches[1]}
@@ -84,7 +70,7 @@ class NearMissesQuestion:
 
     def answer(self, asked: Asked) -> Values:
         """Return the answer. Near misses are found by sampling and are not proved."""
-        found = near_misses(asked.scene, asked.contact, self.below_m, asked.tell)
+        found = asked.compiled.near_misses(self.below_m, contact=asked.contact, progress=asked.tell)
         nearest = found.nearest[0] if found.nearest else None
         out = {'near_misses': found.count, 'near_miss_proved': False}
         if nearest is None:
@@ -111,24 +97,14 @@ class ClearanceQuestion:
 
     def answer(self, asked: Asked) -> Values:
         """Return the answer, with bounds from the tested errors of handles. One or two benches have no gap."""
-        simulation = compile_scene(asked.scene)
-        t_s = simulation.end.t_s if self.at_s is None else self.at_s
-        chain = simulation.chain(t_s)
-        benches, venue = benches_of(chain, asked.scene.dragon, axes_of(chain)), asked.scene.venue
-        found = closeness(chain.p, benches)
-        if venue is not None:
-            found = with_obstacles(surroundings_of(venue), found, benches)
-        out: Values = {'clearance_t_s': t_s, 'clearance_proved': False}
-        if found.closest is None:
+        found = asked.compiled.clearance(self.at_s)
+        out: Values = {'clearance_t_s': found.t_s, 'clearance_proved': False}
+        if found.gap_m is None or found.error_m is None or found.benches is None:
             return out
-        (inner, outer), levers = found.closest, corner_levers(asked.scene.dragon, simulation.model.track.bend)
-        met = [bench for bench in (inner, outer) if bench < levers.size]      # the others are obstacles
-        off_m = float(levers[met].sum()) * simulation.promise_m
-        other: Values = {'clearance_outer': outer}
-        if venue is not None and outer >= len(benches.half_length):
-            other = {'clearance_obstacle': venue.names[outer - len(benches.half_length)]}
-        return out | other | {'clearance_m': found.clearance_m, 'clearance_low_m': found.clearance_m - off_m,
-                              'clearance_high_m': found.clearance_m + off_m, 'clearance_inner': inner}
+        other: Values = ({'clearance_outer': found.benches[1]} if found.obstacle is None else
+                         {'clearance_obstacle': found.obstacle})
+        return out | other | {'clearance_m': found.gap_m, 'clearance_low_m': found.gap_m - found.error_m,
+                              'clearance_high_m': found.gap_m + found.error_m, 'clearance_inner': found.benches[0]}
 
 
 @dataclass(frozen=True)
@@ -179,7 +155,7 @@ class MinPitchQuestion:
 class _Key:
     """The inputs of the search for the smallest pitch; ``tell`` only reports progress and is not compared."""
 
-    def __init__(self, question: MinPitchQuestion, dragon: AnyDragon, start_turns: float, tell: Tell) -> None:
+    def __init__(self, question: MinPitchQuestion, dragon: Any, start_turns: float, tell: Tell) -> None:
         self.values, self.tell = (question, dragon, start_turns), tell
 
     def __hash__(self) -> int:
@@ -190,11 +166,12 @@ class _Key:
 
 
 @lru_cache(maxsize=_SHARED)
-def _pitch_of(key: _Key) -> MinPitch:
+def _pitch_of(key: _Key) -> Any:
     """Return the smallest pitch; rows with the same key share the cached result."""
     question, dragon, start_turns = key.values
-    return min_pitch(dragon, question.diameter_m, start_turns, question.largest_m, question.within_m, key.tell,
-                     question.smallest_m)
+    return dr.design.min_pitch(dragon, diameter_m=question.diameter_m, start_turns=start_turns,
+                               largest_m=question.largest_m, within_m=question.within_m,
+                               smallest_m=question.smallest_m, progress=key.tell)
 
 
 @dataclass(frozen=True)
@@ -214,21 +191,24 @@ class FitQuestion:
 
     def answer(self, asked: Asked) -> Values:
         """Return the answer. ``fits_...`` is empty if no square is given or the bounds do not decide the question."""
-        found = bounding_box(asked.scene, progress=asked.tell)
+        found: Any = dr.design.fit(replace(asked.scene, venue=None), progress=asked.tell)
         out: Values = {'fit_proved': True}
         for name, (low_m, high_m) in (('centred', found.centred_m), ('free', found.free_m)):
             out |= {f'fit_{name}_low_m': low_m, f'fit_{name}_high_m': high_m,
-                    f'fits_{name}': None if self.square_m is None else fits((low_m, high_m), self.square_m)}
+                    f'fits_{name}': None if self.square_m is None else _fits(low_m, high_m, self.square_m)}
         return out if asked.scene.venue is None else out | self._in_venue(asked)
 
     @staticmethod
     def _in_venue(asked: Asked) -> Values:
-        from dragon_ros.core.search.venue_fit import venue_fit
-        found = venue_fit(asked.scene, progress=asked.tell)
+        found: Any = dr.design.fit(asked.scene, progress=asked.tell)
         least = found.gaps[0]
         return {'fit_gap_low_m': min(one.low_m for one in found.gaps), 'fit_gap_high_m': least.high_m,
                 'fit_gap_t_s': least.t_s, 'fit_gap_bench': least.bench, 'fit_obstacle': least.name,
                 'fits_venue': found.fits}
+
+
+def _fits(low_m: float, high_m: float, side_m: float) -> bool | None:
+    return True if high_m <= side_m else False if low_m > side_m else None
 
 
 @dataclass(frozen=True)
@@ -246,7 +226,7 @@ class MaxSpeedQuestion:
 
     def answer(self, asked: Asked) -> Values:
         """Return the answer. At the lower bound, no handle exceeds the limit; at the upper bound, one does."""
-        found = max_speed(asked.scene, asked.tell)
+        found = dr.design.max_speed(asked.scene, progress=asked.tell)
         low, high = self.limit_m_s / found.bound, self.limit_m_s / found.ratio
         return {'max_speed_m_s': low, 'max_speed_low_m_s': low, 'max_speed_high_m_s': high,
                 'max_speed_ratio': found.ratio, 'max_speed_handle': found.handle,
@@ -261,7 +241,7 @@ class LockQuestion:
 
     def answer(self, asked: Asked) -> Values:
         """Return the answer. The lock is located to float precision; this is tested, not proved."""
-        limit = compile_scene(replace(asked.scene, run=replace(asked.scene.run, stop_s=None))).limit
+        limit = asked.compiled.limit
         if limit is None or limit.reason != 'lock':
             return {'locks': False, 'lock_proved': False}
         return {'locks': True, 'lock_t_s': limit.t_s, 'lock_link': limit.link, 'lock_proved': False}

@@ -10,11 +10,8 @@ from collections.abc import Callable, Iterable
 from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
-from dragon_ros.core.errors import DragonError
-from dragon_ros.core.scene import Scene
-from dragon_ros.scenes.load import scene_of
-from dragon_ros.scenes.yaml import Document
-from dragon_ros.version import __version__
+from dragon_ros import Scene
+from dragon_ros.cli.inputs import Document, DragonError, __version__, scene_of
 from dragon_studies.definition import Listed, Study, study_from, target_of
 from dragon_studies.questions import Asked, name_of
 from dragon_studies.sampling import scene_values_of, values_of

@@ -11,9 +11,8 @@ from threading import Event
 from time import perf_counter
 from typing import NamedTuple, Protocol
 
+from dragon_ros.cli.inputs import InputError, MissingError, __version__
 from dragon_ros.cli.pool import Pool, WorkerKilledError, workers_of
-from dragon_ros.core.errors import InputError, MissingError
-from dragon_ros.version import __version__
 from dragon_studies.dataset import BLOCK, DataSet, part_of
 from dragon_studies.rows import FAILED, OK, STATUSES, columns_of, parsed, rows_of
 from dragon_studies.sampling import check_libraries

@@ -9,8 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros.core.errors import MissingError
-from dragon_ros.core.numerics.types import Floats
+from dragon_ros.cli.inputs import Floats, MissingError
 from dragon_studies.definition import Listed, Normal, Range, Study, Uniform, Variation, target_of
 
 Values = dict[str, Any]

@@ -17,9 +17,8 @@ from typing import Any
 from distributed import Client, KilledWorker
 from distributed.versions import VersionMismatchWarning
 
+from dragon_ros.cli.inputs import DragonError, InputError, MissingError, __version__
 from dragon_ros.cli.pool import WorkerKilledError
-from dragon_ros.core.errors import DragonError, InputError, MissingError
-from dragon_ros.version import __version__
 from dragon_studies.run import BatchResult, Range
 
 _AHEAD = 4              # batches per worker that are computed, wait, or wait for the results of earlier ones

@@ -5,7 +5,7 @@ are made when a study is read, with clearer errors.
 """
 import json
 
-from dragon_ros.scenes.schema import Schema, kind_schema, scene_schema
+from dragon_ros.cli.inputs import Schema, kind_schema, scene_schema
 from dragon_studies.definition import DESIGNS, Study
 from dragon_studies.questions import QUESTIONS
 

@@ -8,8 +8,7 @@ from math import ceil, inf, log, sqrt
 
 import numpy as np
 
-from dragon_ros.core.errors import FieldError
-from dragon_ros.core.numerics.types import Floats
+from dragon_ros.cli.inputs import FieldError, Floats
 from dragon_studies.definition import Study
 
 CONFIDENCE = 0.95

@@ -144,6 +144,14 @@ def test_the_package_names_the_packages_beside_it_in_one_list_alone():
     assert files == {PACKAGE / 'guests.py'}
 
 
+def test_studies_use_what_a_stranger_s_package_may_use_and_their_own_libraries():
+    for path in (ROOT / 'dragon_studies').glob('*.py'):
+        for name in imports(path):
+            top, *rest = name.split('.')
+            assert top in {'dragon_ros', 'dragon_studies', *GUESTS['dragon_studies'], *sys.stdlib_module_names}, path
+            assert top != 'dragon_ros' or rest[:1] in ([], ['cli']), f'{path} imports {name}'
+
+
 WITHOUT_GUESTS = """
 import importlib, pkgutil, sys
 import dragon_ros

@@ -2,6 +2,7 @@
 import pytest
 from properties import thinned
 
+import dragon_ros as dr
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
@@ -14,7 +15,6 @@ from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral
 from dragon_ros.core.venue import LineObstacle, Venue
 from dragon_ros.scenes.load import changed_scene, scene_of
 from dragon_ros.scenes.yaml import Document
-from dragon_studies import questions
 from dragon_studies.questions import QUESTIONS, Asked
 from dragon_studies.rows import columns_of, row_of, rows_of
 from dragon_studies.sampling import scene_values_of, values_of
@@ -107,8 +107,9 @@ SMALL_CIRCLE = 'diameter_m: 4, start_turns: 5, largest_m: 0.9, within_m: 0.01'
 
 
 def test_the_smallest_pitch_of_equal_benches_is_proved_and_searched_once_for_one_dragon(study, monkeypatch):
-    calls = []
-    monkeypatch.setattr(questions, 'min_pitch', lambda *given: calls.append(given) or min_pitch(*given))
+    calls, search = [], dr.design.min_pitch
+    monkeypatch.setattr(type(dr.design), 'min_pitch', staticmethod(
+        lambda *given, **named: calls.append(given) or search(*given, **named)))
     rows = rows_of(study('set: {dragon: {benches: 30}}\nvary: {track.pitch_m: [0.5, 0.6]}\n'
                          f'ask: {{min_pitch: {{{SMALL_CIRCLE}}}}}'), range(2))
     found = min_pitch(changed_scene('winding', {'dragon': {'benches': 30}}).dragon, 4, 5, 0.9, 0.01)
