@@ -391,13 +391,13 @@ class Design:
     def min_pitch(dragon: Scene | Simulated | AnyDragon | None = None, *, diameter_m: float = 9.0,
                   start_turns: float | None = None, largest_m: float = 1.0, within_m: float = 4e-11,
                   smallest_m: float | None = None, progress: Progress = _quiet) -> 'MinPitch':
-        """Return the smallest pitch such that the head reaches a circle without contact at this and all larger pitches.
+        """Return the smallest pitch found at which the head reaches a circle without a contact.
 
-        Pitches up to ``largest_m`` are considered. ``dragon`` is a dragon or a scene; None means the classic dragon.
-        The head starts ``start_turns`` turns from the centre: by default, as in the scene, or 16 without a scene.
-        The bounds of the result are at most ``within_m`` apart. For mixed benches, ``smallest_m`` must be given, a
-        pitch at which benches touch (it is ignored for equal benches), and ``proved`` is false if contacts may occur at
-        pitches above the bracket. Raises FieldError.
+        Runs at pitches from ``largest_m`` down to the result, one per cent apart (``clear_m``), are proved to have no
+        contact; nothing is proved between them. ``dragon`` is a dragon or a scene; None means the classic dragon. The
+        head starts ``start_turns`` turns from the centre: by default, as in the scene, or 16 without a scene. The
+        bounds of the result are at most ``within_m`` apart, and a few errors of a gap more. The search ends at
+        ``smallest_m``, by default where the head starts on the circle. Raises FieldError.
         """
         from dragon_ros.core.search.min_pitch import min_pitch
         if not isinstance(dragon, (Dragon, Mixed, NoneType)):

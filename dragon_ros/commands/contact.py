@@ -1,7 +1,7 @@
 """``contact``: find the first contact of a scene."""
 import argparse
 import json
-import os
+import sys
 import time
 from argparse import Namespace
 from collections.abc import Callable
@@ -65,7 +65,7 @@ def _check(arguments: Namespace) -> None:
     if arguments.near_misses is not None:
         number('--near-misses', arguments.near_misses, above=0.0)
     if None not in (arguments.certificate, arguments.output) and (
-            os.path.realpath(arguments.certificate) == os.path.realpath(arguments.output)):
+            arguments.certificate.resolve() == arguments.output.resolve()):
         raise InputError(f'--output {arguments.output}: the certificate is written to this file; give another file')
     if arguments.near_misses is not None and arguments.format == 'csv':
         raise InputError('--near-misses: --format csv contains only the contact; use text or json')
@@ -96,9 +96,9 @@ def _run(arguments: Namespace) -> int:
             near = near_misses(scene, found, arguments.near_misses, bar.update)
         values['near_misses'] = [{'bench': miss.bench, 'benches': list(miss.benches), 'obstacle': miss.obstacle,
                                   't_s': miss.t_s, 'gap_m': miss.gap_m} for miss in near.nearest]
-        values['near_misses_count'] = near.count
+        values |= {'near_misses_count': near.count, 'near_misses_are': 'sampled and refined'}
     if arguments.certificate and lacks:
-        command_line.note(f'contact: no certificate is written: {walk.lack}')
+        print(f'contact: no certificate is written: {walk.lack}', file=sys.stderr)
     elif arguments.certificate:
         from dragon_ros.scenes import certificate
         command_line.write_output(arguments.certificate, json.dumps(certificate.as_values(scene, found)),
@@ -148,13 +148,13 @@ def _obstacle_touch(arguments: Namespace) -> dict[str, Any] | None:
         try:
             touch = dragon_in(bag, namespace).first_touch(Progress('obstacles', 'ticks'))
         except InputError as error:
-            command_line.note(f'{said}not examined, because {error}')
+            print(f'{said}not examined, because {error}', file=sys.stderr)
             return None
     if touch is None or touch.obstacle is None:
-        command_line.note(f'{said}in the recorded ticks, no bench touches an obstacle'
-                          f'{"" if touch is None else f" before benches touch each other at {touch.t_s:.9f} s"}')
+        print(f'{said}in the recorded ticks, no bench touches an obstacle'
+              f'{"" if touch is None else f" before benches touch each other at {touch.t_s:.9f} s"}', file=sys.stderr)
         return {'t_s': None}
-    command_line.note(f'{said}in the recorded ticks, {touch.words} at {touch.t_s:.9f} s')
+    print(f'{said}in the recorded ticks, {touch.words} at {touch.t_s:.9f} s', file=sys.stderr)
     return {'t_s': touch.t_s, 'bench': touch.benches[0], 'obstacle': touch.obstacle, 'point_m': list(touch.point_m)}
 
 
@@ -217,11 +217,11 @@ def _misses(values: dict[str, Any]) -> str:
     if 'near_misses' not in values:
         return ''
     shown = values['near_misses']
-    lines = [f'near miss of bench {miss["benches"][0]} and {_other(miss)}: {miss["gap_m"] * 1e3:.6f} mm '
+    lines = [f'near miss (sampled) of bench {miss["benches"][0]} and {_other(miss)}: {miss["gap_m"] * 1e3:.6f} mm '
              f'at {miss["t_s"]:.5f} s' for miss in shown]
     if (count := values['near_misses_count']) > len(shown):
         lines.append(f'and {count - len(shown)} more near misses with larger gaps')
-    return ''.join(f'\n  {line}' for line in lines or ['no near misses'])
+    return ''.join(f'\n  {line}' for line in lines or ['no near misses (sampled)'])
 
 
 def _other(miss: dict[str, Any]) -> str:

@@ -178,20 +178,17 @@ def _min_pitch_options(parser: ArgumentParser) -> None:
     parser.add_argument('--within', type=float, default=4e-11, metavar='METRES',
                         help='width of the bracket (%(default)g)')
     parser.add_argument('--smallest', type=float, metavar='METRES',
-                        help='for mixed benches: a pitch at which benches touch')
+                        help='a pitch at which benches touch (by default, where the head starts on the circle)')
 
 
 def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
     """Return the bracket around the smallest pitch, for the scene's dragon and the scene's track.start_turns."""
     from dataclasses import asdict
 
-    from dragon_ros.core.chain.dragon import is_even
     from dragon_ros.core.search.min_pitch import min_pitch
     scene = command_line.scene_from(arguments)
     if scene.venue is not None:
         raise InputError('venue: min-pitch does not take obstacles into account; omit the venue (--set venue=null)')
-    if arguments.smallest is not None and is_even(scene.dragon.link_lengths_m):
-        raise InputError('--smallest: all benches behind the head are equal, so no bound is needed; omit it')
     with Progress('min-pitch', 'states') as bar:
         try:
             found = min_pitch(scene.dragon, arguments.diameter, scene.spiral.start_turns, arguments.largest,
@@ -206,13 +203,14 @@ def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
 def _min_pitch_text(values: dict[str, Any]) -> str:
     """Return the answer as text."""
     inner, outer = values['benches']
-    above = f'from this pitch to {values["largest_m"]:g} m' if values['proved'] else 'at this pitch'
     return '\n'.join([
-        f'the smallest pitch is {values["high_m"]:.12f} m: {above}, there is no contact on the way in'
-        + ('' if values['proved'] else '; nothing is proved for larger pitches'),
-        f'at {values["low_m"]:.12f} m, benches {inner} and {outer} touch, with the head at radius '
+        f'the smallest pitch is {values["high_m"]:.12f} m: a run at this pitch is proved to have no contact on the way '
+        'in',
+        f'at {values["low_m"]:.12f} m, benches {inner} and {outer} overlap, with the head at radius '
         f'{values["radius_m"]:.6f} m',
-        f'{values["states"]:,} {"windings" if values["proved"] else "states"} were evaluated'])
+        f'runs at {len(values["clear_m"])} larger pitches up to {values["largest_m"]:g} m are also proved to have no '
+        'contact; between them, nothing is proved',
+        f'{values["states"]:,} states were evaluated'])
 
 
 def _fit_options(parser: ArgumentParser) -> None:

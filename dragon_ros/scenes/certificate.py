@@ -8,13 +8,12 @@ from typing import Any
 
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.search.certificate import ALL, Contact, Interval, NoContact
+from dragon_ros.core.search.certificate import Contact, Interval, NoContact
 from dragon_ros.scenes.load import scene_values
 
 _VERSION = 2        # version of the format and its claims; certificates of 0.2.0 and earlier state none
 _WITH_VENUE = 3     # version for a scene with a venue
 _MOST = 20_000      # largest number of rows in a certificate; rows only suggest where to split intervals
-_NAMES = {ALL: 'all', 0: 'head', 1: 'body'}
 
 
 def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
@@ -27,7 +26,7 @@ def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
     if not proof.complete:
         raise InputError('--certificate: this run has no certificate: the benches approach so slowly that the last '
                          'interval before the contact cannot be distinguished from the contact')
-    return _certificate(scene, _contact(found), _rows(proof.intervals))
+    return _certificate(scene, _contact(found), _rows(proof.intervals, scene.dragon.benches - 1))
 
 
 def claim_of(found: Contact | NoContact) -> dict[str, Any] | None:
@@ -61,20 +60,14 @@ def _contact(found: Contact | NoContact) -> dict[str, Any]:
     return {'t_s': found.t_s, 'benches': list(found.benches), **obstacle, **grazing}
 
 
-def _rows(intervals: Sequence[Interval]) -> list[dict[str, Any]]:
+def _rows(intervals: Sequence[Interval], behind: int) -> list[dict[str, Any]]:
     """Return the rows; if there are too many intervals, each row covers several consecutive intervals."""
     most, joined = ceil(len(intervals) / _MOST), 1
     out: list[dict[str, Any]] = []
-    for row in map(_row, intervals):
-        if joined < most and out and out[-1] | {'start_m': row['start_m'], 'stop_m': row['stop_m']} == row and (
-                out[-1]['stop_m'] == row['start_m']):
-            out[-1]['stop_m'], joined = row['stop_m'], joined + 1
+    for one in intervals:
+        if joined < most and out and out[-1]['stop_m'] == one.start_m:
+            out[-1]['stop_m'], joined = one.stop_m, joined + 1
         else:
-            out.append(row)
+            out.append({'lead': 'all', 'start_m': one.start_m, 'stop_m': one.stop_m, 'behind': behind})
             joined = 1
     return out
-
-
-def _row(one: Interval) -> dict[str, Any]:
-    return {'lead': _NAMES.get(one.lead, f'bench {one.lead}'), 'start_m': one.start_m, 'stop_m': one.stop_m,
-            'behind': one.behind}

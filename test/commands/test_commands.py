@@ -85,8 +85,8 @@ def test_near_misses_are_printed_whether_or_not_there_is_a_contact(capsys):
         code, out, err = run(capsys, 'contact', *changes, '--near-misses', '0.001')
         assert (code, err) == (0, '')
         assert out.startswith('no contact; ' if changes is before else 'first contact at ')
-        assert out.splitlines()[1:] == ['  near miss of bench 0 and 11: 0.865235 mm at 409.83199 s']
-    assert run(capsys, 'contact', *before, '--near-misses', '1e-6')[1].endswith('\n  no near misses\n')
+        assert out.splitlines()[1:] == ['  near miss (sampled) of bench 0 and 11: 0.865235 mm at 409.83199 s']
+    assert run(capsys, 'contact', *before, '--near-misses', '1e-6')[1].endswith('\n  no near misses (sampled)\n')
     assert 'near miss' not in run(capsys, 'contact', *before)[1]
 
 
@@ -100,16 +100,6 @@ def test_contact_says_that_it_is_proved(capsys, overrides):
     assert (code, err) == (0, '')
     assert len(found['near_misses']) == found['near_misses_count']
     assert all(miss['bench'] == miss['benches'][1] and miss['gap_m'] < 0.01 for miss in found['near_misses'])
-
-
-def test_contact_refuses_a_run_that_cannot_be_proved_to_its_end(capsys):
-    groups = 'dragon.groups=[{count: 3, length_m: 1.1}, {length_m: 3.9}, {count: 6, length_m: 1.6}]'
-    changes = [a for o in ['run.start_s=429', 'run.stop_s=431', 'dragon.kind=mixed', groups, 'dragon.width_m=0.02']
-               for a in ('--set', o)]
-    code, out, err = run(capsys, 'contact', *changes)
-    assert (code, out) == (2, '')
-    assert 'run.stop_s' in err
-    assert 'stop at 430.' in err
 
 
 @pytest.mark.parametrize('form', ['text', 'csv', 'json'])

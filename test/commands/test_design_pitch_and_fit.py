@@ -32,10 +32,10 @@ def test_min_pitch_takes_the_dragon_of_a_scene_and_another_circle(capsys):
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [
-    (['--smallest', '0.4'], '--smallest: all benches behind the head are equal, so no bound is needed; omit it'),
+    (['--smallest', '0.46'], '--smallest: 0.46 is not valid: no benches touch at this pitch; give a smaller pitch'),
     (['--set', 'venue={obstacles: [], inside: [[-99, -99], [99, -99], [0, 99]]}'],
      'venue: min-pitch does not take obstacles into account; omit the venue (--set venue=null)'),
-    (['--within', '1'], '--within: 1.0 is not valid: no contact was found, but pitches between 0.28125 m and ')])
+    (['--within', '2'], '--within: 2.0 is not valid')])
 def test_min_pitch_names_an_option_that_it_cannot_use(capsys, arguments, says):
     code, out, err = run(capsys, 'min-pitch', '--set', 'dragon.benches=40', *arguments)
     assert (code, out) == (2, '')

@@ -13,7 +13,6 @@ from dragon_ros.core.chain import dragon as dragon_module
 from dragon_ros.core.chain import head_law as head_module
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
-from dragon_ros.core.enclosures import on_spiral
 from dragon_ros.core.geometry import rectangles as benches_module
 from dragon_ros.core.numerics.double_double import from_turns
 from dragon_ros.core.scene import Run, Scene
@@ -129,30 +128,28 @@ def sizes(patch, length_m, width_m):
     for name, module in list(sys.modules.items()):
         if name.startswith('dragon_ros.core') and getattr(module, 'Benches', None) is true:
             patch.setattr(module, 'Benches', made)
-    sampled = on_spiral.Sizes
-
-    def sizes_made(b_m, error_m, corner_m, links_m, half_length, half_width, longest_m):
-        return sampled(b_m, error_m, corner_m, links_m, half_length + length_m, half_width + width_m, longest_m)
-    patch.setattr(on_spiral, 'Sizes', sizes_made)
 
 
 def constant_of_the_second_order_bound(patch):
     """B h^2 / 8000 in place of B h^2 / 8."""
-    true = on_spiral._sag
-    patch.setattr(on_spiral, '_sag', lambda *given: 1e-3 * true(*given))
+    true = conservative_advancement.second_derivatives
+    patch.setattr(conservative_advancement, 'second_derivatives',
+                  lambda *given: tuple(1e-3 * each for each in true(*given)))
 
 
 def constant_of_the_lipschitz_bound(patch):
     """Benches whose travel and curvature are assumed to be a thousandth of the true values."""
-    space = conservative_advancement._ChainIntervals
+    space = conservative_advancement.ChainIntervals
     true = space._moved
     patch.setattr(space, '_moved', lambda *given: 1e-3 * true(*given))
 
 
 def first_passage(patch):
     """Positions whose times are half a microsecond late."""
-    true = search_domain.SearchDomain.time_s
-    patch.setattr(search_domain.SearchDomain, 'time_s', lambda self, gone_m: true(self, gone_m) + 5e-7)
+    domain = search_domain.SearchDomain
+    time_s, gone_m = domain.time_s, domain.gone_m
+    patch.setattr(domain, 'time_s', lambda self, place: time_s(self, place) + 5e-7)
+    patch.setattr(domain, 'gone_m', lambda self, t_s: gone_m(self, t_s - 5e-7))
 
 
 BUGS = [(lock, LOCKING), (start, SHORT), (end, SHORT), (end, TURN), (stop, LOCKING), (law_integral, LAW),

@@ -19,6 +19,7 @@ from dragon_ros.core.numerics.types import Floats
 
 Number = Union['Ball', float, Floats]
 LEAST = 2.0**-36        # smallest radius, relative to the number
+ABOVE = 1 + 2.0**-40    # factor for bounds that covers more than eight thousand roundings of positive numbers
 OUTWARDS = 1 + 2.0**-14     # factor that covers the rounding of the middle and of the radius
 _EACH = 2.0**-17        # u / LEAST, added to the factor for each number in a sum
 

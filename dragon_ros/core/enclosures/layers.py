@@ -7,8 +7,7 @@ their layers. Benches of the same layer are apart because a link lies between th
 
 The bound depends only on the smallest distance of the bench's front handle from the centre, and it increases with this
 distance. A single evaluation therefore clears everything further out, and no handles need to be placed
-(docs/contact.md, lemma 11). It also clears a range of pitches: each term is evaluated at the end of the range at which
-it is least favourable (lemma 12).
+(docs/contact.md, lemma 11).
 
 The bound is rounded down: ``ABOVE`` covers the rounding errors of its formulas.
 """
@@ -18,26 +17,21 @@ from functools import cached_property
 import numpy as np
 
 from dragon_ros.core.chain.dragon import AnyDragon
-from dragon_ros.core.enclosures.on_spiral import ABOVE
+from dragon_ros.core.enclosures.ball_arithmetic import ABOVE
 from dragon_ros.core.numerics.types import Floats, Ints
 
 
 @dataclass(frozen=True)
 class Layers:
-    """The benches of a dragon on any spiral r = b theta with b from ``least_b_m`` (by default ``b_m``) to ``b_m``."""
+    """The benches of a dragon on the spiral r = b theta."""
 
     b_m: float
     dragon: AnyDragon
-    least_b_m: float | None = None
 
     @property
     def pitch_m(self) -> float:
-        """The largest distance between adjacent layers."""
+        """The distance between adjacent layers."""
         return 2 * np.pi * self.b_m
-
-    @property
-    def _smallest_b_m(self) -> float:
-        return self.b_m if self.least_b_m is None else self.least_b_m
 
     @property
     def _half_width_m(self) -> float:
@@ -75,7 +69,7 @@ class Layers:
         outer_m = radius_m + self._further_m(radius_m, own_m, longest_m)
         facing_m = self._band(radius_m, own_m)[1] + self._band(outer_m, longest_m)[0]
         least_m = self._nearest(radius_m, np.maximum(own_m, longest_m)) - self._half_width_m - 0.5 * self.pitch_m
-        out: Floats = (2 * np.pi * self._smallest_b_m - facing_m) / np.hypot(1.0, self.b_m / least_m)
+        out: Floats = (self.pitch_m - facing_m) / np.hypot(1.0, self.b_m / least_m)
         return out
 
     def _further_m(self, radius_m: Floats, own_m: Floats, longest_m: Floats) -> Floats:
@@ -89,7 +83,7 @@ class Layers:
         nearest_m = self._nearest(radius_m, np.maximum(own_m, longest_m))
         seen = np.arcsin(0.5 * self.pitch_m / (nearest_m - self._half_width_m))
         less = 2 * self._corner(nearest_m) + 2 * seen + 0.5 * np.pi * longest_m / radius_m
-        out: Floats = self._smallest_b_m * np.maximum(2 * np.pi - less, 0.0)
+        out: Floats = self.b_m * np.maximum(2 * np.pi - less, 0.0)
         return out
 
     def _corner(self, nearest_m: Floats) -> Floats:

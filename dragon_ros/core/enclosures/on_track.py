@@ -37,7 +37,7 @@ to rounding. In the frame of the other bench, which turns faster by D, the bound
 derivatives have kinks there; the argument only requires bounded second derivatives.
 
 All bounds are evaluated in ball arithmetic and rounded outwards: balls by their arithmetic, combinations of balls by
-the factor ABOVE (``on_spiral``). States are known only to within the position error e. The direction of a link of
+the factor ABOVE. States are known only to within the position error e. The direction of a link of
 length l is therefore uncertain by at most 2 e / l, and the direction of the track by at most k e; a link of zero length
 has the direction of the track. The curvatures of lines and arcs are exact, and the curvatures of spirals are uncertain
 by at most k^2 e.
@@ -45,11 +45,11 @@ by at most k^2 e.
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from functools import cached_property, reduce
+from typing import Protocol
 
 import numpy as np
 
-from dragon_ros.core.enclosures.ball_arithmetic import Ball, between, side_by_side
-from dragon_ros.core.enclosures.on_spiral import ABOVE
+from dragon_ros.core.enclosures.ball_arithmetic import ABOVE, Ball, between, side_by_side
 from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
 
 _ROUNDED_RAD = 2.0**-46     # rounding error of an angle between unit vectors
@@ -206,7 +206,7 @@ def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, si
         off = axis_error + track_error
         way = np.abs(two.along_m - one.along_m) + 2 * error_m
         ends = [between(a, b, off) for a, b in ((one.near, two.near), (one.far, two.far))]
-        most = _largest(one, two, bends)
+        most = largest_curvatures(one, two, bends)
         angles = _first_angles(ends, k, most + most * most * error_m, way, links_m, off)
         inverse_l = sign / np.where(joined, 1.0, links_m)
         near, far = _narrowed(angles, ends, k, way, rigid, inverse_l, off, passes)
@@ -238,8 +238,22 @@ def direction_errors(links_m: Floats, bends: Range, error_m: float) -> tuple[Flo
     return np.where(some, rounded_rad, track_error), track_error
 
 
-def _largest(one: LinkStates, two: LinkStates, bends: Range) -> Floats:
-    """Return upper bounds on the absolute curvatures between the handles of links (M, N)."""
+class OnTrack(Protocol):
+    """The segments and curvatures (1/m) of the track at the handles (M, N+1) of chains."""
+
+    @property
+    def segment(self) -> Ints:
+        """The indices of segments."""
+        ...
+
+    @property
+    def curvature(self) -> Floats:
+        """The curvatures."""
+        ...
+
+
+def largest_curvatures(one: OnTrack, two: OnTrack, bends: Range) -> Floats:
+    """Return upper bounds on the absolute curvatures between the handles of links (M, N), between two states."""
     places = [(state.segment[:, part], state.curvature[:, part]) for state in (one, two)
               for part in (slice(None, -1), slice(1, None))]
     low, high = curvature_range(bends, [segment for segment, _ in places], [curvature for _, curvature in places])

@@ -20,6 +20,7 @@ _TOGETHER = 4           # number of steps whose boxes are queried together
 _AT_ONCE = 256          # number of boxes per query of the tree
 _MOST_PAIRS = 1_000_000     # maximum number of pairs, unless the limit per bench allows more
 _MOST_EACH = 16             # maximum number of pairs per bench
+_FEW_PAIRS = 2**14      # number of pairs on a step up to which all boxes are compared
 _MOST_TURNS = 8         # maximum number of layers within reach of a bench; with more layers, boxes are faster
 _HAIR = 1e-9            # tolerance of angles (rad), and of lengths (relative to the dragon's size), far above rounding
 
@@ -181,6 +182,34 @@ def pairs_on_steps(low: Floats, high: Floats, reach_m: Floats) -> Iterator[tuple
         except CrowdError:
             for one in zip(*some, strict=True):
                 yield from _on_steps(*(each[None] for each in one))
+
+
+def boxes_within(low: Floats, high: Floats, reach_m: Floats, first: Ints) -> Iterator[tuple[Ints, Ints]]:
+    """Yield, for each of M steps, the pairs of ``pairs_on_steps`` with j >= ``first`` (M, N) of i and j >= i + 2.
+
+    Where few pairs are left, all are compared without a tree.
+    """
+    count = low.shape[1]
+    first = np.maximum(first, np.arange(count) + 2)
+    few = np.maximum(count - first, 0).sum(axis=1) <= _FEW_PAIRS
+    by_tree = pairs_on_steps(low[~few], high[~few], reach_m[~few]) if not np.all(few) else iter(())
+    for n, compare in enumerate(few):
+        if compare:
+            yield _meeting_pairs(low[n], high[n], reach_m[n], first[n])
+        else:
+            i, j = next(by_tree)
+            keep = j >= first[n, i]
+            yield i[keep], j[keep]
+
+
+def _meeting_pairs(low: Floats, high: Floats, reach_m: float, first: Ints) -> tuple[Ints, Ints]:
+    """Return the pairs (i, j) with j >= ``first`` (N,) of i whose boxes come within ``reach_m``, or with j <= i + 3."""
+    size = np.maximum(first.size - first, 0)
+    i = np.repeat(np.arange(first.size), size)
+    j = np.arange(i.size) - np.repeat(np.cumsum(size) - size - first, size)
+    hair = 0.5 * reach_m + _HAIR * float(max(np.max(np.abs(low)), np.max(np.abs(high))))
+    keep = (j - i <= 3) | _meet(low - hair, high + hair, i, j)
+    return i[keep], j[keep]
 
 
 def _on_steps(low: Floats, high: Floats) -> list[tuple[Ints, Ints]]:

@@ -6,26 +6,17 @@ from dragon_ros.core.geometry.signed_distance import Witness
 from dragon_ros.core.model import End
 from dragon_ros.core.words import counted
 
-ALL = -1        # value of ``lead`` for an interval that covers every bench
-
 
 @dataclass(frozen=True)
 class Interval:
-    """A cleared part of a run, with a lower bound (m) on the gaps during that part.
+    """A cleared part of a run, with a lower bound (m) on the gaps that were examined there.
 
-    ``start_m`` and ``stop_m`` are distances of the front handle of bench ``lead`` along the track, in the order of the
-    leader's motion. The bound applies to the gaps between that bench and the next ``behind`` benches except the one
-    directly behind it. The bound also applies to every other bench with the same remaining link sequence while the
-    front handle of that bench is in this part.
-
-    If ``lead`` is ``ALL``, the distances are those of the head, and the bound applies to all pairs whose inner bench is
-    not covered by another interval.
+    ``start_m`` and ``stop_m`` are distances of the head along the track, in the order of the leader's motion. Pairs
+    that stand exactly as another pair stood earlier in the search were not examined again.
     """
 
-    lead: int
     start_m: float
     stop_m: float
-    behind: int
     bound_m: float
 
 
@@ -35,9 +26,8 @@ class Certificate:
 
     The intervals cover pairs of benches; cleared intervals for obstacles are not stored.
 
-    ``complete`` is False if the intervals end too early: more than a nanometre of leader travel, and more than the
-    position error, before the contact. ``complete`` is also False if the benches approach so slowly that they do not
-    provably overlap at an equal distance after the contact.
+    ``complete`` is False if the intervals end more than a slack of leader travel before the contact, or if the benches
+    do not provably overlap one slack after it.
     """
 
     intervals: tuple[Interval, ...] = ()
@@ -47,10 +37,6 @@ class Certificate:
         """Summarise the proof without listing hundreds of intervals."""
         return f'Certificate({counted(len(self.intervals), "interval")}, complete={self.complete})'
 
-    def led_by(self, lead: int) -> tuple[Interval, ...]:
-        """Return the intervals whose leading bench is ``lead``."""
-        return tuple(each for each in self.intervals if each.lead == lead)
-
 
 @dataclass(frozen=True)
 class Contact:
@@ -59,7 +45,7 @@ class Contact:
     For a contact with an obstacle, ``benches`` has one element, and ``obstacle`` describes the obstacle's side. If the
     smallest gap is zero to within the position error, contact is undecided and ``grazing_m`` bounds this gap; otherwise
     ``grazing_m`` is None. ``simultaneous`` lists the other pairs that touch within the uncertainty; each pair consists
-    of two benches, or of a bench and the name of an obstacle. The uncertainty is the error of the gap at the exact tier
+    of two benches, or of a bench and the name of an obstacle. The uncertainty is the error of a gap at the exact tier
     divided by the approach speed. ``states`` is the number of states evaluated.
     """
 

@@ -3,17 +3,16 @@
 ``run`` takes the search as a parameter. A ``Search`` selects the cells that may still matter, orders and judges them,
 keeps the settled ones and returns the parts of the others. The loop stores the waiting cells and limits the number of
 cells that are judged together. If too many cells are waiting, the loop settles the first cells and all their parts
-before it continues with the others. Five searches use ``run``. ``clear`` advances through positions up to the first
-position that is not clear, and ``min_pitch`` does the same in the plane of radius and pitch; ``bounding_box``,
-``max_speed`` and ``venue_fit`` search for extreme values. Every search terminates: a cell is cut into parts at most
-half as long, until it is as short as requested or as floats allow.
+before it continues with the others. Four searches use ``run``. ``clear`` advances through positions up to the first
+position that is not clear; ``bounding_box``, ``max_speed`` and ``venue_fit`` search for extreme values. Every search
+terminates: a cell is cut into parts at most half as long, until it is as short as requested or as floats allow.
 
 ``clear`` clears intervals of the domain of a contact search. The domain is sampled at discrete positions. A bound
-(``on_spiral`` for a bench on a spiral segment, ``conservative_advancement`` for the whole chain) limits how close
-benches can come between two adjacent positions. An interval whose bound does not exceed the position error is cut into
-as many parts as the bound suggests, and each part is cut again until it is cleared or as short as requested. An
-interval of length L therefore takes at most log2(L / finest) rounds. Adjacent intervals share the samples at their
-ends, because computing states is expensive.
+(``conservative_advancement`` for pairs of benches, ``obstacle_contact`` for obstacles) limits how close they can come
+between two adjacent positions. An interval whose bound does not exceed the position error is cut into as many parts as
+the bound suggests, and each part is cut again until it is cleared or as short as requested. An interval of length L
+therefore takes at most log2(L / finest) rounds. Adjacent intervals share the samples at their ends, because computing
+states is expensive.
 """
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeVar
@@ -301,7 +300,7 @@ class _Clearing:
     def _cut(self, batch: _Intervals, parts: Ints) -> _Intervals:
         """Cut each interval into its own number of equal parts."""
         count, (start, stop) = batch.window.size, batch.samples.places[batch.pairs]
-        of, nth = np.repeat(np.arange(count), parts - 1), _counted(parts - 1) + 1
+        of, nth = np.repeat(np.arange(count), parts - 1), counted(parts - 1) + 1
         share = nth / parts[of]
         places = np.where(parts[of] == 2, 0.5 * (start + stop)[of], start[of] + share * (stop - start)[of])
         new = batch.samples.places.size + np.arange(of.size)
@@ -347,7 +346,7 @@ def divisible(starts: Floats, stops: Floats) -> Bools:
     return out
 
 
-def _counted(sizes: Ints) -> Ints:
+def counted(sizes: Ints) -> Ints:
     """Return the numbers from 0 to size - 1 for each size, concatenated."""
     out: Ints = np.arange(int(np.sum(sizes))) - np.repeat(np.cumsum(sizes) - sizes, sizes)
     return out

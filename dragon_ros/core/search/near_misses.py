@@ -1,39 +1,29 @@
 """Near misses: local minima over time of the gap between two benches, below a threshold, before the first contact.
 
-Near misses between a bench and an obstacle of the venue are included; each is found along the track once for all
-benches of one length.
-
-Only intervals whose certified bound is below the threshold are sampled. Benches with the same remaining link sequence
-have the same gaps at the same positions. If the first segment is a spiral, each minimum on it is therefore found once
-for its class, and each bench of the class reaches that position at its own time. When the leader reverses, a closing
-gap also has a minimum. A dip narrower than the sample spacing, or shallower than a nanometre, may be missed.
+They are sampled and refined, not proved: the gaps of all pairs that come close are evaluated every two centimetres of
+the leader's travel, and each minimum between three samples is refined by golden-section search. Near misses between a
+bench and an obstacle of the venue are included. When the leader reverses, a closing gap also has a minimum. A dip that
+is narrower than the spacing of the samples, or shallower than a nanometre, may be missed. Pairs that the bounds of the
+search keep further apart than the threshold are not sampled.
 """
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import partial
-from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dragon_ros.core.chain.chain import Chain, marched_many
-from dragon_ros.core.geometry.broad_phase import candidates, swept_pairs
-from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
-from dragon_ros.core.geometry.signed_distance import gaps
+from dragon_ros.core.chain.chain import Chain
+from dragon_ros.core.geometry.broad_phase import boxes_within, candidates
+from dragon_ros.core.geometry.rectangles import axes_of, benches_of
+from dragon_ros.core.geometry.signed_distance import gaps, seen_from, signed_gap
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.numerics.types import Complexes, Floats, Ints
+from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.search.certificate import ALL, Certificate, Contact, Interval, NoContact
-from dragon_ros.core.search.leading_benches import LeadingBenches, classes_of
-from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
-from dragon_ros.core.tracks.segments import BEHIND
-
-if TYPE_CHECKING:       # scenes without a venue do not need this module
-    from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
+from dragon_ros.core.search.certificate import Contact, NoContact
+from dragon_ros.core.search.conservative_advancement import ChainIntervals, ChainSamples
+from dragon_ros.core.search.search_domain import Pair, RangeOfTravel, SearchDomain
 
 MOST = 1000             # maximum number of listed near misses; the others are only counted
-_COARSE_M = 1.0         # spacing of positions for the coarse search for obstacles
-_SPACING_M = 0.02       # spacing of samples along the track; where corners pass benches, dips are decimetres long
+_SPACING_M = 0.02       # spacing of samples in leader travel; where corners pass benches, dips are decimetres long
 # The approximate change of a gap per metre of leader travel, which limits how far the samples of a dip may exceed the
 # threshold.
 _LIPSCHITZ = 2.0
@@ -43,12 +33,12 @@ _GOLDEN = 0.5 * (5**0.5 - 1)
 _ROUNDS = 34            # number of golden-section steps: 0.618^34 of 4 cm is 3 nm, and flat minima are less precise
 _REFINED = 1024         # maximum number of minima that are refined together, to save memory
 _SAME_M = 1e-4          # minima of the same pair that are closer than this, in leader travel, count as one minimum
+_SAME_GAP_M = 1e-8      # an edge whose gap exceeds that of the obstacle by more is not the nearest edge
 _CLOSING_M = 1e-6       # leader travel before a reversal during which the gap must decrease
-_NEWTON = 8             # maximum number of iterations; three suffice if handles are about as fast as the leader
-_THERE_M = 1e-9         # tolerance for a position found by Newton's method
+_COMPLEX = np.array([1, 1j])
 
-Pair = tuple[int, int]
-Gaps = Callable[[Floats, Ints], Floats]     # maps positions (M,) and pairs (..., 2) to gaps (M, K) or (M,)
+
+Ends = tuple[ChainSamples, ChainSamples]
 
 
 @dataclass(frozen=True)
@@ -76,20 +66,11 @@ class NearMisses:
 
 @dataclass(frozen=True)
 class _Dip:
-    """A local minimum of a pair's gap over positions; the venue's obstacles are numbered after the benches."""
+    """A local minimum of a pair's gap over leader positions; edges of obstacles are numbered after the benches."""
 
     pair: Pair
     place: float
     gap_m: float
-
-
-@dataclass(frozen=True)
-class _ClassDip:
-    """A dip of a class's first bench, transferred to one bench of the class in one phase of the leader's motion."""
-
-    dip: _Dip
-    bench: int
-    phase: tuple[float, float]
 
 
 def near_misses(scene: Scene, found: Contact | NoContact, below_m: float,
@@ -100,26 +81,24 @@ def near_misses(scene: Scene, found: Contact | NoContact, below_m: float,
     with the number of states evaluated since the last call.
     """
     end_s = found.t_s if isinstance(found, Contact) else compile_scene(scene).end.t_s
-    travel = RangeOfTravel(scene.head, scene.run.start_s, end_s)
-    dips, count = list[_Dip](), 0
+    travel, misses = RangeOfTravel(scene.head, scene.run.start_s, end_s), list[NearMiss]()
     for sense in travel.senses:
-        more, left_out = _in_domain(SearchDomain(scene, travel, sense, progress), found.certificate, below_m)
-        dips, count = dips + more, count + left_out
-    dips = _distinct(dips)
-    passed = travel.passages_s([dip.place for dip in dips])
-    names = scene.venue.names if scene.venue else ()
-    misses = [_miss(dip.pair, t_s, dip.gap_m, scene.dragon.benches, names)
-              for dip, times in zip(dips, passed, strict=True) for t_s in times]
+        domain = SearchDomain(scene, travel, sense, progress)
+        dips = _nearest_edges(domain, _distinct(_dips_of(domain, below_m)))
+        passed = travel.passages_s([dip.place for dip in dips])
+        misses += [_miss(domain, dip.pair, t_s, dip.gap_m)
+                   for dip, times in zip(dips, passed, strict=True) for t_s in times]
     misses += _at_reversals(scene, travel, below_m)
     misses.sort(key=lambda miss: (miss.gap_m, miss.t_s))
-    return NearMisses(tuple(misses[:MOST]), count + len(misses))
+    return NearMisses(tuple(misses[:MOST]), len(misses))
 
 
-def _miss(pair: Pair, t_s: float, gap_m: float, benches: int, names: Sequence[str]) -> NearMiss:
+def _miss(domain: SearchDomain, pair: Pair, t_s: float, gap_m: float) -> NearMiss:
     """Return a near miss of two benches, or of a bench and an obstacle."""
-    if pair[1] < benches:
+    edge, around = domain.edge_of(pair), domain.around
+    if edge is None or around is None:
         return NearMiss(pair, t_s, gap_m)
-    return NearMiss(pair[:1], t_s, gap_m, names[pair[1] - benches])
+    return NearMiss(pair[:1], t_s, gap_m, around.names[around.owner[edge]])
 
 
 def _distinct(dips: list[_Dip]) -> list[_Dip]:
@@ -131,82 +110,77 @@ def _distinct(dips: list[_Dip]) -> list[_Dip]:
     return out
 
 
-def _in_domain(domain: SearchDomain, proof: Certificate, below_m: float) -> tuple[list[_Dip], int]:
-    """Return the dips of a domain, with leader positions, and the number of dips that were omitted."""
-    out = _of_chain(domain, [each for each in proof.led_by(ALL) if each.bound_m < below_m], below_m)
-    alike: list[_ClassDip] = []
-    out += _of_obstacles(domain, below_m) if domain.around else []
-    for part in classes_of(domain) if domain.track.from_afar else []:
-        dips = [*_of_class(domain, part, proof.led_by(part.lead), below_m)]
-        alike += _reached(domain, part, dips) if dips else []
-    alike.sort(key=lambda each: each.dip.gap_m)
-    for phase in dict.fromkeys(each.phase for each in alike[:MOST]):
-        out += _at_places(domain, phase, [each for each in alike[:MOST] if each.phase == phase])
-    return out, max(0, len(alike) - MOST)
+def _nearest_edges(domain: SearchDomain, dips: list[_Dip]) -> list[_Dip]:
+    """Return the dips without those of an edge that is not the nearest edge of its obstacle, each corner once."""
+    around, out, corners = domain.around, list[_Dip](), dict[tuple[int, int], list[float]]()
+    for dip in dips:
+        edge = domain.edge_of(dip.pair)
+        if edge is not None and around is not None:
+            number, bench = int(around.owner[edge]), dip.pair[0]
+            known, every = corners.setdefault((bench, number), []), around.edges_of(number)
+            least_m = np.min(around.gaps(domain.benches(dip.place), np.full(every.size, bench), every))
+            if dip.gap_m > least_m + _SAME_GAP_M or any(abs(dip.place - place) <= _SAME_M for place in known):
+                continue
+            known.append(dip.place)
+        out.append(dip)
+    return out
 
 
-def _of_chain(domain: SearchDomain, near: list[Interval], below_m: float) -> list[_Dip]:
-    """Return the dips of all pairs that were cleared with the whole chain."""
-    out: list[_Dip] = []
-    ends = domain.start_m, domain.stop_m
-    for span in _spans([(each.start_m, each.stop_m) for each in near]):
-        low, high = sorted(domain.gone_at(0, along_m, ends) for along_m in span)
+def _dips_of(domain: SearchDomain, below_m: float) -> list[_Dip]:
+    """Return the dips of a domain, with leader positions."""
+    def gaps_at(places: Floats, pairs: Ints) -> Floats:
+        return _gaps(domain, domain.chains(places), pairs)
 
-        def gaps_at(places: Floats, pairs: Ints) -> Floats:
-            return _gaps(domain.chains(places), domain, 0, pairs)
-
-        brackets = []
-        for places in _grids(max(low - _SPACING_M, min(ends)), min(high + _SPACING_M, max(ends)), _SPACING_M):
+    space, brackets = ChainIntervals(domain), []
+    for start_m, stop_m in domain.phases(domain.start_m, domain.stop_m):
+        for places in _grids(min(start_m, stop_m), max(start_m, stop_m), _SPACING_M):
+            ends = space.sample(places[:1]), space.sample(places[-1:])
+            far = space.layers_m(*ends)[0] > below_m
+            if domain.around is None and np.all(far):
+                continue
             chain = domain.chains(places)
-            pairs = np.stack(swept_pairs(benches_of(chain, domain.dragon, axes_of(chain)).corners, below_m), axis=1)
+            domain.count(places.size)
+            pairs = _near(space, domain, chain, (ends, far), below_m)
             if pairs.size:
-                brackets.append(_bracketed(places, pairs, _gaps(chain, domain, 0, pairs), below_m))
-        out += _dips(gaps_at, brackets, below_m)
+                brackets.append(_bracketed(places, pairs, _gaps(domain, chain, pairs), below_m))
+    return _dips(gaps_at, brackets, below_m)
+
+
+def _near(space: ChainIntervals, domain: SearchDomain, chain: Chain, between: tuple[Ends, Array],
+          below_m: float) -> Ints:
+    """Return the pairs (K, 2) that may come closer than ``below_m`` in any of some chains.
+
+    ``between`` holds the first and the last state, and whether each bench is far from all behind it in between.
+    """
+    (ends, far), corners = between, benches_of(chain, domain.dragon, axes_of(chain)).corners
+    low, high = corners.min(axis=(0, 2)), corners.max(axis=(0, 2))
+    ((i, j),) = boxes_within(low[None], high[None], np.array([below_m]), np.where(far, far.size, 0)[None])
+    bound_m = space.by_acceleration(*ends, np.zeros_like(i), i, j)[0] if i.size else np.empty(0)
+    pairs = np.stack((i, j), axis=1)[bound_m <= below_m]
+    if domain.around is None:
+        return pairs
+    bench, edge = domain.around.in_boxes(low - below_m, high + below_m)
+    return np.concatenate((pairs, np.stack((bench, edge + domain.dragon.benches), axis=1)))
+
+
+def _gaps(domain: SearchDomain, chain: Chain, pairs: Ints) -> Floats:
+    """Return the gaps (M, K) of pairs (K, 2), or (M, 1) of pairs (M, 1, 2), in M chains."""
+    row, i, j = np.broadcast_arrays(np.arange(len(chain.p))[:, None], pairs[..., 0], pairs[..., 1])
+    out, two = np.empty(row.shape), j < domain.dragon.benches
+    one, other = (_rectangles(domain, chain, row[two], bench[two]) for bench in (i, j))
+    out[two] = signed_gap(seen_from((one[0], other[0]), (one[1], other[1]), one[2], other[2]))
+    if domain.around is not None and not np.all(two):
+        edge = j[~two] - domain.dragon.benches
+        out[~two] = domain.around.gaps_of(*_rectangles(domain, chain, row[~two], i[~two]), edge)
     return out
 
 
-def _of_class(domain: SearchDomain, part: LeadingBenches, proof: Sequence[Interval], below_m: float) -> Iterator[_Dip]:
-    """Yield the dips between a class's first bench and the benches behind it, at polar angles of its front handle."""
-    segment, origin_m, lead = domain.track.segments[0], domain.track.origins_m[0], part.lead
-    links_m = domain.dragon.link_lengths_m
-    ends = [(segment.after(each.start_m - origin_m).hi, segment.after(each.stop_m - origin_m).hi) for each in proof]
-    if not ends:
-        return
-    least, most = min(map(min, ends)), max(map(max, ends))
-    for low, high in _spans([pair for pair, each in zip(ends, proof, strict=True) if each.bound_m < below_m]):
-        step = _SPACING_M / abs(segment.rate(high))
-        behind = part.sampler(np.array([low, high])).follow
-
-        def gaps_at(places: Floats, pairs: Ints, behind: int = behind) -> Floats:
-            leaders = np.zeros(places.size, dtype=np.int64), places, np.zeros_like(places)
-            chain = marched_many(domain.track, links_m[lead:lead + behind], leaders, BEHIND)
-            return _gaps(chain, domain, lead, pairs)
-
-        pairs = np.stack((np.full(behind - 2, lead), lead + 2 + np.arange(behind - 2)), axis=1)
-        grids = _grids(max(low - step, least), min(high + step, most), step) if pairs.size else ()
-        yield from _dips(gaps_at, [_bracketed(places, pairs, gaps_at(places, pairs), below_m) for places in grids],
-                         below_m)
-
-
-def _gaps(chain: Chain, domain: SearchDomain, first: int, pairs: Ints) -> Floats:
-    """Return the gaps (M, K) of pairs (K, 2), or (M, 1) of pairs (M, 1, 2), in M chains behind bench ``first``."""
-    dragon, count = domain.dragon, chain.links_m.size
-    centre = 0.5 * (chain.p[:, :-1] + chain.p[:, 1:])
-    half_length = np.broadcast_to(0.5 * dragon.bench_lengths_m[first:first + count], centre.shape[:2])
-    benches = Benches(centre, axes_of(chain), half_length, np.full(centre.shape[:2], 0.5 * dragon.width_m))
-    row = np.arange(centre.shape[0])[:, None]
-    return gaps(benches, (row, pairs[..., 0] - first), (row, pairs[..., 1] - first))
-
-
-def _spans(ends: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return intervals in increasing order, merged if they overlap or adjoin."""
-    out: list[tuple[float, float]] = []
-    for low, high in sorted((min(pair), max(pair)) for pair in ends):
-        if out and low <= out[-1][1]:
-            out[-1] = out[-1][0], max(high, out[-1][1])
-        else:
-            out.append((low, high))
-    return out
+def _rectangles(domain: SearchDomain, chain: Chain, row: Ints, bench: Ints
+                ) -> tuple[Complexes, Complexes, tuple[Floats, Floats]]:
+    """Return the centres, axes and half sizes of benches in the given chains."""
+    front, rear = (chain.p[row, handle] @ _COMPLEX for handle in (bench, bench + 1))
+    half_length, half_width = domain.dragon.half_sizes_m
+    return 0.5 * (front + rear), (front - rear) / np.abs(front - rear), (half_length[bench], half_width[bench])
 
 
 def _grids(low: float, high: float, step: float) -> Iterator[Floats]:
@@ -224,8 +198,12 @@ def _bracketed(places: Floats, pairs: Ints, gap_m: Floats, below_m: float) -> tu
     return pairs[column], places[row], places[row + 2]
 
 
-def _dips(gaps_at: Gaps, brackets: list[tuple[Ints, Floats, Floats]], below_m: float) -> list[_Dip]:
-    """Return the minima in brackets whose gaps are below the threshold."""
+def _dips(gaps_at: Callable[[Floats, Ints], Floats], brackets: list[tuple[Ints, Floats, Floats]],
+          below_m: float) -> list[_Dip]:
+    """Return the minima in brackets whose gaps are below the threshold.
+
+    ``gaps_at`` maps positions (M,) and pairs (M, 1, 2) to gaps (M, 1).
+    """
     out: list[_Dip] = []
     if not brackets:
         return out
@@ -237,13 +215,13 @@ def _dips(gaps_at: Gaps, brackets: list[tuple[Ints, Floats, Floats]], below_m: f
         def gap_of(places: Floats, own: Ints = own) -> Floats:
             return gaps_at(places, own)[:, 0]
 
-        found, least = _lowest(gap_of, left[part], right[part])
+        found, least = lowest(gap_of, left[part], right[part])
         rows = zip(pairs[part].tolist(), found.tolist(), least.tolist(), strict=True)
         out += [_Dip((i, j), place, gap_m) for (i, j), place, gap_m in rows if gap_m < below_m]
     return out
 
 
-def _lowest(function: Callable[[Floats], Floats], left: Floats, right: Floats) -> tuple[Floats, Floats]:
+def lowest(function: Callable[[Floats], Floats], left: Floats, right: Floats) -> tuple[Floats, Floats]:
     """Return the minimum of each function in its interval, and its value, by golden-section search."""
     a, b = right - _GOLDEN * (right - left), left + _GOLDEN * (right - left)
     at_a, at_b = function(a), function(b)
@@ -258,125 +236,19 @@ def _lowest(function: Callable[[Floats], Floats], left: Floats, right: Floats) -
     return np.where(lower, a, b), np.where(lower, at_a, at_b)
 
 
-def _reached(domain: SearchDomain, part: LeadingBenches, dips: list[_Dip]) -> list[_ClassDip]:
-    """Return each dip of a class's first bench for all benches of the class that reach it, phase by phase."""
-    out: list[_ClassDip] = []
-    phases, ends = domain.phases(domain.stop_m)
-    for (start, stop), here, there in zip(pairwise(phases), ends[:-1], ends[1:], strict=True):
-        for dip in dips:
-            last = domain.dragon.benches - 1 - (dip.pair[1] - dip.pair[0])
-            bench = np.array([each for each in part.benches if each <= last])
-            crossed = bench[(here[bench] - dip.place) * (there[bench] - dip.place) < 0]
-            out += [_ClassDip(dip, one, (start, stop)) for one in crossed.tolist()]
-    return out
-
-
-def _at_places(domain: SearchDomain, phase: tuple[float, float], alike: list[_ClassDip]) -> list[_Dip]:
-    """Return dips with the leader positions at which benches reach them during a phase."""
-    segment, origin_m = domain.track.segments[0], domain.track.origins_m[0]
-    along_m = origin_m + segment.metres(np.array([each.dip.place for each in alike]))
-    gone_m = _gone_at(domain, np.array([each.bench for each in alike]), along_m, phase)
-    return [_Dip((each.bench, each.bench + each.dip.pair[1] - each.dip.pair[0]), place, each.dip.gap_m)
-            for each, place in zip(alike, gone_m.tolist(), strict=True)]
-
-
-def _gone_at(domain: SearchDomain, bench: Ints, along_m: Floats, within: tuple[float, float]) -> Floats:
-    """Return the leader positions at which front handles of benches (M,) are at distances (M,) along the track."""
-    row, gone_m = np.arange(bench.size), np.full(bench.size, 0.5 * sum(within))
-    missing = np.zeros(bench.size)
-    for _ in range(_NEWTON if bench.size else 0):
-        chain = domain.chains(gone_m)
-        speed = np.sum(chain.velocities(np.ones(bench.size)) * chain.headings, axis=-1)[row, bench]
-        missing = along_m - domain.track.distances(chain.segment, chain.u)[row, bench]
-        if np.all(np.abs(missing) < _THERE_M):
-            break
-        gone_m = np.clip(gone_m + missing / np.where(speed == 0, 1.0, speed), min(within), max(within))
-    for n in np.flatnonzero(np.abs(missing) >= _THERE_M).tolist():
-        gone_m[n] = domain.gone_at(int(bench[n]), float(along_m[n]), within)
-    return gone_m
-
-
-def _of_obstacles(domain: SearchDomain, below_m: float) -> list[_Dip]:
-    """Return the ``MOST`` deepest dips between benches and obstacles in each phase, with leader positions."""
-    from dragon_ros.core.search.bounding_box import by_length
-    from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
-    from dragon_ros.core.search.obstacle_contact import phases, swept_bench, windows_of
-    out: list[_Dip] = []
-    assert domain.around
-    for phase in phases(domain, domain.stop_m):
-        here, there = (domain.along_m(end) for end in phase)
-        alike: list[tuple[float, int, int, float]] = []
-        for benches in by_length(domain.dragon.bench_lengths_m):
-            windows = windows_of(domain, benches, phase, _COARSE_M) if benches.size else []
-            bounds = ObstacleBounds(swept_bench(domain, int(benches[0])), domain.around) if windows else None
-            for span in _spans([(window.places[0], window.places[-1]) for window in windows]):
-                assert bounds
-                for number, place, gap_m in _obstacle_dips(bounds, span, below_m):
-                    there_too = benches[(here[benches] - place) * (there[benches] - place) < 0].tolist()
-                    alike += [(gap_m, bench, number, place) for bench in there_too]
-        alike = sorted(alike)[:MOST]
-        gone_m = _gone_at(domain, np.array([one[1] for one in alike], dtype=np.int64),
-                          np.array([one[3] for one in alike]), phase)
-        out += [_Dip((bench, domain.dragon.benches + number), gone, gap_m)
-                for (gap_m, bench, number, _), gone in zip(alike, gone_m.tolist(), strict=True)]
-    return out
-
-
-def _obstacle_dips(bounds: 'ObstacleBounds', span: tuple[float, float], below_m: float
-                   ) -> Iterator[tuple[int, float, float]]:
-    """Yield the obstacle, the front handle's position and the gap of each dip of a bench on a span of the track."""
-    from dragon_ros.core.search.obstacle_bounds import corners_of
-    places = np.linspace(*span, 2 + int((span[1] - span[0]) / _COARSE_M))
-    states = bounds.bench.states(places)
-    corners, first = corners_of(states), np.arange(places.size - 1)
-    way = 0.5 * np.max(bounds.ways(states.rows(first), states.rows(first + 1)), axis=1)
-    near, _ = bounds.around.in_boxes(*_boxes(np.concatenate((corners[:-1], corners[1:]), axis=1), way + below_m))
-    for low, high in _spans([(places[n], places[n + 1]) for n in np.unique(near).tolist()]):
-        for fine in _grids(max(low - _SPACING_M, span[0]), min(high + _SPACING_M, span[1]), _SPACING_M):
-            row, edge = bounds.around.in_boxes(*_boxes(corners_of(bounds.bench.states(fine)),
-                                                       np.full(fine.size, below_m + _LIPSCHITZ * _SPACING_M)))
-            number = bounds.around.owner[edge]
-            gap_m = np.full((fine.size, len(bounds.around.names)), np.inf)
-            np.minimum.at(gap_m, (row, number), bounds.gaps(bounds.bench.states(fine).rows(row), edge))
-            pairs = np.stack((np.zeros(gap_m.shape[1], dtype=np.int64), np.arange(gap_m.shape[1])), axis=1)
-            found, left, right = _bracketed(fine, pairs, gap_m, below_m)
-            for (_, n), a, b in zip(found.tolist(), left.tolist(), right.tolist(), strict=True):
-                own = np.unique(edge[number == n])
-                place, least = _lowest(partial(_least, bounds, own), np.array([a]), np.array([b]))
-                if least[0] < below_m:
-                    yield n, float(place[0]), float(least[0])
-
-
-def _least(bounds: 'ObstacleBounds', edges: Ints, places: Floats) -> Floats:
-    """Return the smallest gap to a set of edges at positions (M,)."""
-    row = np.repeat(np.arange(places.size), edges.size)
-    gap_m = bounds.gaps(bounds.bench.states(places).rows(row), np.tile(edges, places.size))
-    out: Floats = np.min(gap_m.reshape(places.size, -1), axis=1)
-    return out
-
-
-def _boxes(corners: Complexes, reach_m: Floats) -> tuple[Floats, Floats]:
-    """Return the lower left and upper right corners (M, 2) of boxes around points (M, K), widened by ``reach_m``."""
-    low = np.stack((np.min(corners.real, axis=1), np.min(corners.imag, axis=1)), axis=1) - reach_m[:, None]
-    high = np.stack((np.max(corners.real, axis=1), np.max(corners.imag, axis=1)), axis=1) + reach_m[:, None]
-    return low, high
-
-
 def _at_reversals(scene: Scene, travel: RangeOfTravel, below_m: float) -> Iterator[NearMiss]:
     """Yield the near misses at the positions where the leader reverses."""
     for t_s, sense in travel.reversals:
         domain, gone_m = SearchDomain(scene, travel, sense, lambda states: None), travel.gone_m(t_s)
-        benches = domain.benches(gone_m)
+        benches, earlier = domain.benches(gone_m), domain.benches(gone_m - sense * _CLOSING_M)
+        unsure_m = 2 * domain.tolerance_m
         i, j = candidates(domain.chain(gone_m).p, benches, below_m)
-        gap, before = gaps(benches, i, j), gaps(domain.benches(gone_m - sense * _CLOSING_M), i, j)
-        unsure = 2 * domain.error_m * (domain.levers[i] + domain.levers[j])
-        for n in np.flatnonzero((gap < below_m) & (before - gap > unsure)).tolist():
+        gap, before = gaps(benches, i, j), gaps(earlier, i, j)
+        for n in np.flatnonzero((gap < below_m) & (before - gap > unsure_m)).tolist():
             yield NearMiss((int(i[n]), int(j[n])), t_s, float(gap[n]))
         if domain.around:
             bench, number, gap = domain.around.closest(benches, below_m)
-            earlier = domain.benches(gone_m - sense * _CLOSING_M)
             before = np.array([domain.around.gap_to(earlier, *pair) for pair in zip(
                 bench.tolist(), number.tolist(), strict=True)])
-            unsure = 2 * domain.error_m * domain.levers[bench]
-            for n in np.flatnonzero((gap < below_m) & (before - gap > unsure)).tolist():
+            for n in np.flatnonzero((gap < below_m) & (before - gap > unsure_m)).tolist():
                 yield NearMiss((int(bench[n]),), t_s, float(gap[n]), domain.around.names[number[n]])

@@ -8,9 +8,8 @@ to the first position that cannot be cleared (``driver``, with the bounds of ``o
 the result is the position that the leader reaches first. If handles turn back near the centre of a spiral, the leader's
 travel is split into phases in which each handle moves in one direction.
 """
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, fields
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -18,15 +17,13 @@ import numpy as np
 from dragon_ros.core.geometry.venue import surroundings_of
 from dragon_ros.core.numerics.types import Floats, Ints, distinct
 from dragon_ros.core.search.bounding_box import BenchStates, SweptBench, by_length, turning_m
-from dragon_ros.core.search.certificate import Interval
 from dragon_ros.core.search.driver import Judgement, clear
 from dragon_ros.core.search.obstacle_bounds import ObstacleBounds, corners_of
 from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 
-_TOLERANCE = 4          # multiple of the position error: two states, with corners that have the same errors as handles
 _SPACING = 0.5          # spacing of the first positions, relative to the longest bench
 _MOST_PLACES = 50_000   # maximum number of first positions per window, to save memory
-_FINEST = 1e-3, 1e-8    # shortest intervals near a contact and near a grazing, relative to min(1 m, longest bench)
+_FINEST_M = 1e-3, 1e-8  # shortest intervals near a contact and near a grazing
 _SHORTEST = 0.1         # shortest interval of ``prove``, relative to the tolerance; gaps before a contact are larger
 _FAR = 0.05             # edges that stay further away than this multiple of the longest bench are not examined
 _PARTS = 3              # number of parts into which an interval is cut
@@ -115,31 +112,26 @@ class Obstacles:
     def __init__(self, domain: SearchDomain) -> None:
         """Prepare the search of a domain whose scene has a venue."""
         assert domain.scene.venue
-        self._domain, self.tolerance_m = domain, _TOLERANCE * domain.error_m
+        self._domain = domain
         self._around = surroundings_of(domain.scene.venue)
         self._longest_m = float(np.max(domain.dragon.bench_lengths_m))
-        self._finest_m = tuple(one * min(1.0, self._longest_m) for one in _FINEST)
         self._hit: Bracket | None = None
 
     def clear(self, stop_m: float) -> Bracket | None:
         """Clear up to a leader position; return the first bracket that is not clear."""
-        self._hit = self._first(stop_m, self._finest_m)
+        self._hit = self._first(stop_m, _FINEST_M)
         return self._hit
 
     def prove(self, stop_m: float) -> Bracket | None:
         """Clear up to an earlier position than before; return the first bracket that is not clear."""
         if self._hit:
-            self._hit = self._first(stop_m, (*self._finest_m, _SHORTEST * self.tolerance_m))
+            self._hit = self._first(stop_m, (*_FINEST_M, _SHORTEST * self._domain.tolerance_m))
         return self._hit
-
-    def intervals(self) -> Iterator[Interval]:
-        """Yield nothing, because the checker finds nearby obstacles itself."""
-        return iter(())
 
     def _first(self, stop_m: float, finest_m: tuple[float, ...]) -> Bracket | None:
         """Return the first bracket of leader positions that is not clear, phase by phase."""
         hit: Bracket | None = None
-        for start, stop in phases(self._domain, stop_m):
+        for start, stop in self._domain.phases(self._domain.start_m, stop_m):
             for benches in by_length(self._domain.dragon.bench_lengths_m):
                 if benches.size:
                     hit = self._first_of(benches, (start, hit.other_m if hit else stop), finest_m) or hit
@@ -154,8 +146,7 @@ class Obstacles:
         if not windows:
             return None
         bounds = ObstacleBounds(bench, self._around, domain.error_m)
-        tolerance_m = 0.5 * self.tolerance_m * float(domain.levers[benches[0]])
-        space = _SweptIntervals(bounds, tolerance_m, self._longest_m, domain.count)
+        space = _SweptIntervals(bounds, domain.tolerance_m, self._longest_m, domain.count)
         cleared = clear(space, [window.places for window in windows], finest_m)
         hits = [(window.bench, one.hit) for window, one in zip(windows, cleared, strict=True) if one.hit]
         return self._earliest(hits, phase)
@@ -172,11 +163,6 @@ class Obstacles:
             here, there = domain.along_m(phase[0]), domain.along_m(first.other_m)
             hits = [(b, hit) for b, hit in hits[1:] if abs(hit[1] - here[b]) < abs(there[b] - here[b])]
         return first
-
-
-def phases(domain: SearchDomain, stop_m: float) -> list[tuple[float, float]]:
-    """Split the leader's travel up to a position into parts in which every handle moves in one direction."""
-    return [] if domain.start_m == stop_m else [*pairwise(dict.fromkeys(domain.phase_ends(stop_m)))]
 
 
 def swept_bench(domain: SearchDomain, number: int) -> SweptBench:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from math import floor, inf, log2, ulp
+from math import inf, ulp
 from typing import TYPE_CHECKING, NamedTuple, Optional
 
 import numpy as np
@@ -19,7 +19,6 @@ import numpy as np
 from dragon_ros.core.chain.chain import Chain, marched, marched_many, stack
 from dragon_ros.core.chain.commanded import HeadLaw
 from dragon_ros.core.chain.head_law import Head
-from dragon_ros.core.errors import InputError
 from dragon_ros.core.geometry.broad_phase import candidates, default_reach_m
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of, corner_levers
 from dragon_ros.core.geometry.signed_distance import gap_of, gaps
@@ -35,10 +34,10 @@ if TYPE_CHECKING:       # scenes without a venue do not need this module
     from dragon_ros.core.geometry.venue import Surroundings
 
 _LOCK_RAD = 1e-9        # margin before a lock or the centre, where speeds are infinite, relative to 1 + polar angle
-_FLOATS = 1e-13         # position error, relative to the largest coordinate, that the exact tier promises far out
-_SLOPE = 1e-6  # step to either side for slopes, for links of 1 to 2 m: gap errors of 1e-11 m cause slope errors of 1e-5
-_LONG = 4.0             # lever of corners above which the step grows in proportion to the lever, as gap errors do
-_COARSEST = 0.05        # largest error of a corner, relative to the longest bench, that keeps benches distinguishable
+_SLACK_M, _PROMISES = 1e-9, 8   # slack of a claim: leader travel in metres, or this many promises if that is more
+_WIDEST, _NEAR = 1000, 100      # largest slack of a slow approach, and largest gap of a grazing, in such slacks
+_ULPS = 4               # rounding error of a contact's time, in ulps
+_STEP = 1000            # step to either side for slopes, in slacks
 _KEPT = 6               # number of cached chains; the ends of domains and phases are used repeatedly
 _FEW = 12               # up to this number of chains, placing them one by one is faster than placing them together
 _MANY = 30              # above this number of chains, tables are built, which are also used for later chains
@@ -126,6 +125,9 @@ class RangeOfTravel:
         return self.farthest_s(sense)
 
 
+Pair = tuple[int, int]
+
+
 class Bracket(NamedTuple):
     """The leader position where the clear part ends, another position, and a lower bound on the gaps in between."""
 
@@ -138,24 +140,18 @@ class SearchDomain:
     """The chains of a scene while its leader moves from ``start_m`` to ``stop_m``; ``states`` counts the samples."""
 
     def __init__(self, scene: Scene, travel: RangeOfTravel, sense: int, progress: Callable[[int], object]) -> None:
-        """Cover travel forwards (``sense`` 1) or backwards (-1). Raises InputError if position errors are too large."""
+        """Cover travel forwards (``sense`` 1) or backwards (-1)."""
         self.scene, self.dragon, self.sense, self.states = scene, scene.dragon, sense, 0
         simulation = compile_scene(scene)
         self.simulation, self.leader, self.track = simulation, simulation.model.leader, simulation.model.track
         self._travel, self._tell = travel, progress
-        longest_m = float(np.max(self.dragon.bench_lengths_m))
-        self.unit = min(1.0, longest_m)
-        self.rounding_m = _FLOATS * simulation.size_m
-        self.error_m = max(EXACT.promise_m * self.unit, self.rounding_m)    # tiny dragons have a smaller promise
-        self.levers = corner_levers(self.dragon, self.track.bend)
-        corner_m = float(np.max(self.levers)) * self.error_m
-        if corner_m > _COARSEST * longest_m:
-            raise InputError(f'track: {simulation.size_m:.3g} m from the origin, the errors of corners reach '
-                             f'{corner_m:.2g} m, but benches can be distinguished only up to an error of '
-                             f'{_COARSEST * longest_m:.2g} m; use a smaller track, or benches that extend less beyond '
-                             'their links')
+        # The errors of handles and of gaps, and what a lower bound on a gap must exceed: the gap's error at two states.
+        self.error_m = EXACT.promise_for_m(simulation.size_m)
+        self.gap_error_m = 2 * self.error_m * float(np.max(corner_levers(self.dragon, self.track.bend)))
+        self.tolerance_m = 2 * self.gap_error_m
+        self.slack_m = max(_SLACK_M, _PROMISES * self.error_m)
+        self.near_m = _NEAR * self.slack_m
         self._kept: dict[float, Chain] = {}
-        self._phases: dict[float, tuple[list[float], list[Floats]]] = {}
         stop_s = travel.farthest_s(sense)
         self.start_m, self.stop_m = travel.gone_m(travel.start_s), travel.gone_m(stop_s)
         if self.track.may_lock and simulation.limit is not None and stop_s == simulation.limit.t_s:
@@ -201,28 +197,22 @@ class SearchDomain:
         chain = self.chain(gone_m)
         return benches_of(chain, self.dragon, axes_of(chain))
 
-    def angles(self, gone_m: float) -> Floats:
-        """Return the polar angles (N+1,) of handles on the first segment; handles beyond it have its end's angle."""
-        chain = self.chain(gone_m)
-        return np.where(chain.segment == 0, chain.u, self.track.segments[0].last)
-
-    def phase_ends(self, stop_m: float) -> list[float]:
-        """Return the leader positions from the start to ``stop_m`` between which each handle moves in one direction."""
-        turns = self.leader.turning_m(self.start_m, stop_m, 2)[::1 if self.start_m < stop_m else -1]
-        return [self.start_m, *turns, stop_m]
-
-    def phases(self, stop_m: float) -> tuple[list[float], list[Floats]]:
-        """Return ``phase_ends`` and all polar angles there; the last few results are cached for all benches."""
-        if stop_m not in self._phases:
-            ends = self.phase_ends(stop_m)
-            self._phases = dict([*self._phases.items()][1 - _KEPT:])
-            self._phases[stop_m] = ends, [self.angles(place) for place in ends]
-        return self._phases[stop_m]
+    def phases(self, start_m: float, stop_m: float) -> list[tuple[float, float]]:
+        """Split the leader's travel between two positions into parts in which every handle moves in one direction."""
+        turns = self.leader.turning_m(start_m, stop_m)[::1 if start_m < stop_m else -1]
+        return [] if start_m == stop_m else [*pairwise(dict.fromkeys([start_m, *turns, stop_m]))]
 
     def along_m(self, gone_m: float) -> Floats:
         """Return the distances (N+1,) of all handles along the track."""
         chain = self.chain(gone_m)
         return self.track.distances(chain.segment, chain.u)
+
+    def heads_m(self, gone_m: Floats) -> Floats:
+        """Return the distances of the head along the track at leader positions (...)."""
+        if self.leader.direction == BEHIND:
+            return np.asarray(self.leader.start_m + gone_m)
+        chain = self.chains(gone_m.ravel())
+        return self.track.distances(chain.segment[:, 0], chain.u[:, 0]).reshape(gone_m.shape)
 
     def gone_at(self, bench: int, along_m: float, within: tuple[float, float]) -> float:
         """Return the distance travelled by the leader when a bench's front handle is ``along_m`` along the track.
@@ -258,19 +248,6 @@ class SearchDomain:
         """Return the edge of a pair, or None for two benches."""
         return pair[1] - self.dragon.benches if pair[1] >= self.dragon.benches else None
 
-    def rounding_of(self, pair: tuple[int, int]) -> float:
-        """Return the largest change of a pair's gap due to rounding alone."""
-        edge = self.edge_of(pair)
-        if edge is None or self.around is None:
-            return self.rounding_m
-        return max(self.rounding_m, _FLOATS * float(np.abs((self.around.start[edge], self.around.stop[edge])).max()))
-
-    def levers_of(self, pairs: Ints) -> Floats:
-        """Return the largest errors of the gaps of pairs (..., 2), relative to the position error of handles."""
-        known = np.append(self.levers, 0.0)     # obstacles have no errors
-        out: Floats = known[np.minimum(pairs, self.dragon.benches)].sum(axis=-1)
-        return out
-
     def gap(self, pair: tuple[int, int], gone_m: float) -> float:
         """Return the gap of a pair at a leader position; only the handles from the leader to the pair are placed."""
         edge = self.edge_of(pair)
@@ -295,29 +272,18 @@ class SearchDomain:
 
     def slope(self, pair: tuple[int, int], gone_m: float) -> float:
         """Return the decrease of a gap per metre of leader travel."""
-        low, high = sorted((self.start_m, self.stop_m))
-        step_m = max(self.step_m(pair), 2.0**10 * ulp(gone_m))
+        (low, high), step_m = sorted((self.start_m, self.stop_m)), _STEP * self.slack_m
         early, late = max(low, gone_m - step_m), min(high, gone_m + step_m)
         return self.sense * (self.gap(pair, early) - self.gap(pair, late)) / (late - early) if late > early else 0.0
 
-    def step_m(self, pair: tuple[int, int]) -> float:
-        """Return the step for slopes: 1 µm times the largest power of 2 up to half the longest link in metres.
+    def slack_at_m(self, t_s: float, slope: float) -> float:
+        """Return how far before and after a contact nothing is claimed, for a gap that closes by ``slope`` per metre.
 
-        The step is 1 µm if all links have zero length. If a bench of the pair extends far beyond its link, the step is
-        larger by a power of 2, but at most a millionth of the longest bench.
+        This is one slack, or more if the time is not known as precisely, or if the gap closes so slowly that it stays
+        within its error for longer.
         """
-        link_m = float(np.max(self.simulation.model.links_m, initial=0.0))
-        if not link_m:
-            return _SLOPE
-        longer = max(1.0, 0.5 * float(self.levers_of(np.array(pair))) / _LONG)
-        return _SLOPE * 2.0 ** floor(log2(min(0.5 * link_m * longer, float(np.max(self.dragon.bench_lengths_m)))))
-
-    def coarse(self, pair: tuple[int, int], gone_m: float) -> float:
-        """Return the ratio of the float spacing at the head's start, or at a pair, to the spacing near the origin."""
-        benches, two = self.benches(gone_m), [bench for bench in pair if bench < self.dragon.benches]
-        arm_m = np.hypot(benches.half_length[two], benches.half_width[two])
-        reach_m = float(np.max(np.hypot(*benches.centre[two].T) + arm_m))
-        return max(1.0, max(float(np.hypot(*self.chain(0.0).p[0])), reach_m) * _FLOATS / EXACT.promise_m)
+        slow_m = 2 * self.tolerance_m / slope if slope > 0 else 0.0
+        return min(max(self.slack_m, _ULPS * ulp(t_s) * self.speed_m_s(t_s), slow_m), _WIDEST * self.slack_m)
 
     def time_s(self, gone_m: float) -> float:
         """Return when the leader has first travelled a distance."""

@@ -8,50 +8,12 @@ from arb_balls import each_exact, in_arb
 from flint import arb
 from properties import thinned
 
-from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.enclosures import ball_arithmetic, by_scale, on_spiral, on_track
-from dragon_ros.core.enclosures.on_spiral import line_distance
+from dragon_ros.core.enclosures import ball_arithmetic, on_track
 from dragon_ros.core.enclosures.on_track import kinematics, link_states, second_derivatives, views
 from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.geometry.signed_distance import gaps, placement, rounding_m
-from dragon_ros.core.search import min_pitch
 
 LINKS = 12
-
-
-def boxes(seed):
-    """Return polar angles and spans of chains at the corners of random cells: tight, wide, near locks, or far out."""
-    dice = np.random.default_rng(seed)
-    dragon = Dragon(LINKS, dice.uniform(0.5, 30), dice.uniform(0.5, 20), 0.3, 0.0)
-    least = 1.3 * float(np.max(dragon.link_lengths_m))
-    radius = least * 10 ** dice.uniform(0, dice.choice((0.3, 5)), 8)
-    larger = radius * (1 + 10 ** dice.uniform(-12, -1.5, 8))
-    scale = np.full(8, 1.0), 1 + 10 ** dice.uniform(-12, -2, 8)
-    found = [min_pitch.windings(dragon, 0, LINKS, r, s) for r in (radius, larger) for s in scale]
-    return dragon, found, scale
-
-
-@pytest.mark.parametrize('seed', thinned(range(12), lambda seed: seed % 3 == 0))
-def test_no_bound_of_a_bench_on_a_spiral_is_below_what_arb_proves(seed):
-    dragon, (low, _, high, corner), (small, large) = boxes(seed)
-    arm = np.hypot(0.5 * dragon.bench_lengths_m, 0.5 * dragon.width_m)[None] * large[:, None]
-
-    def evaluated(scaled):
-        top = corner if scaled else high
-        chord = module.between(dragon.link_lengths_m[None] * small[:, None],
-                               dragon.link_lengths_m[None] * (large if scaled else small)[:, None])
-        theta = module.between(low.theta, top.theta, 1e-13)
-        delta = module.between(low.delta, top.delta, 2e-13)
-        by = by_scale.bend_by_scale if scaled else on_spiral.bend
-        return by(theta, delta, chord, arm)
-
-    module = ball_arithmetic
-    for scaled in (False, True):
-        mine = evaluated(scaled)
-        with in_arb(ball_arithmetic, on_spiral, by_scale):
-            exact = evaluated(scaled)
-        assert np.any(np.isfinite(mine))
-        assert np.all((mine >= exact) | np.isnan(exact))
 
 
 def wound(seed):
@@ -146,19 +108,3 @@ def test_separations_and_gaps_err_by_no_more_than_is_said_of_rounding(seed):
             assert abs(true - arb(float(gap[n]))) < off
             for ours, theirs in zip(mine, edges, strict=True):
                 assert all(abs(x - arb(float(y[n]))) < off for x, y in zip(theirs, ours, strict=True))
-
-
-@pytest.mark.parametrize('seed', range(4))
-def test_the_distance_of_a_line_from_the_centre_is_never_too_large(seed):
-    dice = np.random.default_rng(seed)
-    delta = 10 ** dice.uniform(-6, np.log10(6), 300)
-    theta = 10 ** dice.uniform(-1, 6, 300)
-    chord = np.sqrt(delta**2 + 2 * theta * (theta + delta) * (1 - np.cos(delta)))
-    error = dice.choice((0.0, 1e-12), 300) * delta
-    mine = line_distance(chord, delta, error)
-    with in_arb():
-        for n in range(300):
-            c = arb(float(chord[n]))
-            for sign in (-1, 0, 1):
-                d = arb(float(delta[n])) + sign * arb(float(error[n]))
-                assert arb(float(mine[n])) < arb.max((c * c - d * d) / (2 * c * (d / 2).tan()), arb(0)) + arb('1e-300')

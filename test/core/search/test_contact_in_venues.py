@@ -26,7 +26,6 @@ from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
 from dragon_ros.core.search.obstacle_contact import (
     Obstacles,
     _SweptIntervals,
-    phases,
     swept_bench,
     windows_of,
 )
@@ -141,7 +140,7 @@ def test_windows_hold_every_place_of_every_bench_once(name):
     travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
     for sense in travel.senses:
         domain = SearchDomain(scene, travel, sense, lambda states: None)
-        for phase in phases(domain, domain.stop_m):
+        for phase in domain.phases(domain.start_m, domain.stop_m):
             for benches in by_length(scene.dragon.bench_lengths_m):
                 windows = windows_of(domain, benches, phase, 0.8)
                 for gone_m in np.linspace(*phase, 7):
@@ -196,7 +195,7 @@ def test_a_move_of_corners_of_up_to_six_benches_is_bounded_and_a_longer_one_is_c
     assert bool(np.isfinite(space.judge(a, b, np.zeros(1, dtype=np.int64)).bound_m[0])) == is_bounded
 
 
-@pytest.mark.parametrize(('errors', 'is_clear'), [(8.4, False), (10.5, True)])
+@pytest.mark.parametrize(('errors', 'is_clear'), [(17.0, False), (19.0, True)])
 def test_a_bench_along_a_wall_is_clear_only_if_errors_of_its_handles_cannot_turn_a_corner_into_it(errors, is_clear):
     link_m = 2.2 / 3.9      # the error of a corner is that of a handle times (length + width) / link: 4.43
     scene = replace(ALONG, dragon=Dragon(2, 2.2, 2.2, 0.3, 0.5 * (2.2 - link_m)), run=Run(0.0, 1.0))

@@ -1,42 +1,51 @@
-"""Bounds on gaps allow for the errors of corners, pair by pair, in both kinds of search."""
-from dataclasses import replace
-
+"""The tolerance of a search allows for the errors of corners, which exceed those of handles."""
 import numpy as np
 import pytest
 
-from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.enclosures.on_spiral import BenchSampler, bounds
-from dragon_ros.core.geometry.rectangles import corner_levers
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.geometry.rectangles import Benches
+from dragon_ros.core.geometry.signed_distance import gaps
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.search.conservative_advancement import _ChainIntervals
+from dragon_ros.core.search.conservative_advancement import ChainIntervals
 from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
-from dragon_ros.core.tracks.composite import track_of
-from dragon_ros.core.tracks.spec import Arc, Composite, Spiral
+from dragon_ros.core.tracks.spec import Arc, Composite
 
-MORE_M = 1e-7       # far above rounding, and far below the gaps
-
-
-def test_a_bound_on_a_spiral_falls_by_the_excess_errors_of_both_benches():
-    sampler = BenchSampler(track_of(Spiral()), Dragon(), (0,), 60, lambda states: None, 1e-9)
-    sizes, behind = sampler.sizes, np.array([59])
-    np.testing.assert_allclose(sizes.excess_m[0], 1e-9 * (corner_levers(Dragon(), 0.0)[:60] - 1))
-    a, b = (sampler.sample(np.array([theta])) for theta in (60.0, 59.99))
-    none, more = (bounds(a, b, replace(sizes, excess_m=np.full_like(sizes.excess_m, each)), behind)[0]
-                  for each in (0.0, MORE_M))
-    assert none - more == pytest.approx(2 * MORE_M, rel=1e-4)
+MORE = 1e4      # errors of handles that are this many times larger still count as small
 
 
-@pytest.mark.parametrize('step_m', [0.01, 1.0])      # cleared by the bound on motion, and on curvature
-def test_a_bound_of_the_whole_chain_falls_by_the_excess_errors_of_both_benches(step_m):
-    scene = Scene(Dragon(12), Composite((Arc(4.0, 300.0),), 6.0), run=Run(stop_s=5.0))
-    domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 5.0), 1, lambda states: None)
-    space, group = _ChainIntervals(domain, False, {}), np.zeros(1, dtype=np.int64)
-    np.testing.assert_allclose(space._excess_m, 2 * domain.error_m * (domain.levers - 1))
-    samples, found = space.sample(np.array([1.0, 1.0 + step_m]), group), []
-    for each in (0.0, MORE_M):
-        space._excess_m = np.full(12, each)
-        space.begin(samples, np.array([[0], [1]]), group)
-        others_m, space._others_m = space._others_m, np.full(1, np.inf)     # judge only the pairs within reach
-        near_m = space.judge(samples.rows(np.array([0])), samples.rows(np.array([1])), group).bound_m
-        found.append((float(others_m[0]), float(near_m[0])))
-    assert np.subtract(*found) == pytest.approx([2 * MORE_M, 2 * MORE_M], rel=1e-4)
+def domain_of(dragon):
+    scene = Scene(dragon, Composite((Arc(4.0, 300.0),), 9.0), run=Run(stop_s=5.0))
+    return SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 5.0), 1, lambda states: None)
+
+
+def placed(p, dragon):
+    axis = p[:-1] - p[1:]
+    return Benches(0.5 * (p[:-1] + p[1:]), axis / np.hypot(*axis.T)[:, None], *dragon.half_sizes_m)
+
+
+@pytest.mark.parametrize('dragon', [Dragon(8), Dragon(8, 2.2, 2.2, 0.3, 0.8),
+                                    Mixed((Group(3.0), Group(0.9, 6)), 1.5, 0.2)],
+                         ids=['classic', 'long overhangs', 'wide'])
+def test_no_gap_errs_by_more_than_its_error_if_no_handle_errs_by_more_than_its_own(dragon):
+    domain, dice = domain_of(dragon), np.random.default_rng(3)
+    p, (i, j) = domain.chain(1.0).p, np.triu_indices(dragon.benches, 2)
+    true_m, most_m = gaps(placed(p, dragon), i, j), 0.0
+    for _ in range(400):
+        turn = dice.uniform(0, 2 * np.pi, len(p))
+        off = MORE * domain.error_m * np.stack((np.cos(turn), np.sin(turn)), axis=1)
+        most_m = max(most_m, float(np.max(np.abs(gaps(placed(p + off, dragon), i, j) - true_m))))
+    assert 0.2 < most_m / (MORE * domain.gap_error_m) <= 1 + 1e-3
+
+
+@pytest.mark.parametrize('step_m', [0.01, 1.0])      # cleared by the bound on motion, and on acceleration
+def test_an_interval_counts_as_clear_only_above_the_error_of_a_gap_at_both_its_ends(step_m):
+    domain, group = domain_of(Dragon(12, 1.2, 1.2)), np.zeros(1, dtype=np.int64)
+    space = ChainIntervals(domain)
+    assert space.tolerance_m == domain.tolerance_m == 2 * domain.gap_error_m
+    samples = space.sample(np.array([1.0, 1.0 + step_m]))
+    space.begin(samples, np.array([[0], [1]]), group)
+    bound_m = space.judge(samples.rows([0]), samples.rows([1]), group).bound_m[0]
+    assert bound_m > space.tolerance_m
+    space.tolerance_m = bound_m         # pairs are examined further as long as their bounds are below the tolerance
+    space.begin(samples, np.array([[0], [1]]), group)
+    assert space.judge(samples.rows([0]), samples.rows([1]), group).bound_m[0] >= bound_m

@@ -1,4 +1,4 @@
-"""Dips of known functions are bracketed and found, and positions along a track convert to leader travel and back."""
+"""Dips of known functions are bracketed and found."""
 from itertools import pairwise
 
 import numpy as np
@@ -6,25 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.chain.head_law import Head
-from dragon_ros.core.model import compile_scene
-from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search import near_misses
-from dragon_ros.core.search.near_misses import _bracketed, _dips, _gone_at, _grids, _lowest, _spans
-from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
+from dragon_ros.core.search.near_misses import _bracketed, _dips, _grids, lowest
 from dragon_ros.core.search.swept_area import _reaches_m
-from dragon_ros.core.tracks.spec import Arc, Composite, Line
-
-SPAN = st.tuples(st.integers(0, 20), st.integers(0, 20))
-
-
-@given(st.lists(SPAN, max_size=8))
-def test_merged_spans_cover_the_same_numbers_and_are_apart(ends):
-    found = _spans([(float(a), float(b)) for a, b in ends])
-    inside = {n / 2 for a, b in ends for n in range(2 * min(a, b), 2 * max(a, b) + 1)}
-    assert {n / 2 for n in range(41) if any(low <= n / 2 <= high for low, high in found)} == inside
-    assert all(one[1] < two[0] for one, two in pairwise(found))
 
 
 @given(st.floats(-5, 5), st.floats(0, 30), st.floats(0.02, 3))
@@ -77,30 +61,9 @@ def test_gaps_that_stay_or_only_fall_have_no_dip():
 def test_the_lowest_place_of_a_parabola_is_found_to_what_floats_resolve(rows):
     left, length, share = (np.array(one) for one in zip(*rows, strict=True))
     bottom = left + share * length
-    place, value = _lowest(lambda x: 1 + (x - bottom)**2, left, left + length)
+    place, value = lowest(lambda x: 1 + (x - bottom)**2, left, left + length)
     assert place == pytest.approx(bottom, abs=3e-8)
     assert value == pytest.approx(np.ones(bottom.size), abs=1e-15)
-
-
-@pytest.mark.parametrize('speed', [1.0, -0.7])
-@pytest.mark.parametrize('track', [Scene().track, Composite((Line(30.0), Arc(4.0, 200.0), Line(30.0)), start_m=30.0)])
-def test_where_a_bench_is_at_a_distance_along_the_track_the_leader_is_found_in_few_steps(monkeypatch, track, speed):
-    run = Run(10, 15) if speed > 0 else Run(0, 5)
-    scene = Scene(Dragon(9), track, Head(speed), run=run)
-    travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
-    domain = SearchDomain(scene, travel, travel.senses[0], lambda states: None)
-    ends = domain.start_m, domain.stop_m
-    gone = np.linspace(*ends, 7)[1:-1]
-    bench = np.array([0, 3, 8, 5, 1])
-    along = np.array([domain.along_m(one)[number] for one, number in zip(gone.tolist(), bench.tolist(), strict=True)])
-    asked, chains = [], domain.chains
-    monkeypatch.setattr(domain, 'chains', lambda gone_m: asked.append(gone_m) or chains(gone_m))
-    assert _gone_at(domain, bench, along, ends) == pytest.approx(gone, abs=1e-8)
-    assert len(asked) <= 5
-    assert _gone_at(domain, bench[:0], along[:0], ends).size == 0
-    before, after = (np.array([domain.along_m(end)[3]]) for end in ends)
-    outside = 2 * before - after, 2 * after - before
-    assert [_gone_at(domain, bench[1:2], one, ends)[0] for one in outside] == pytest.approx([*ends], abs=1e-8)
 
 
 @given(st.floats(-2, 2), st.floats(-2, 2), st.floats(0, 6.3), st.floats(0.1, 3), st.floats(0.1, 3))

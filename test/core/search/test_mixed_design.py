@@ -27,25 +27,22 @@ def test_the_smallest_pitch_of_an_even_list_is_that_of_equal_benches():
 
 ALMOST_EQUAL = Mixed((Group(3.41), Group(2.2, 28), Group(2.2001)))
 UNEVEN = Mixed((Group(3.41), *map(Group, np.random.default_rng(1).uniform(2.1, 2.3, 40).tolist())))
-# Contacts of body benches cannot be ruled out without states: the head is as long as they are, or some are much longer.
 CLOSE = Mixed((Group(2.2), Group(2.2, 28), Group(2.2001)))
 LONG_AND_SHORT = Mixed((Group(3.41), *map(Group, np.random.default_rng(1).uniform(1.2, 2.6, 40).tolist())))
 
 
-@pytest.mark.parametrize(('dragon', 'diameter_m', 'turns', 'proved'), thinned(
-    [(ALMOST_EQUAL, 4.0, 5.0, True), (UNEVEN, 8.0, 10.0, True), (CLOSE, 4.0, 5.0, False),
-     (LONG_AND_SHORT, 6.0, 8.0, False)], lambda case: case[0] is UNEVEN))
-def test_the_smallest_pitch_of_a_mixed_dragon_is_between_a_contact_and_pitches_without_one(dragon, diameter_m, turns,
-                                                                                           proved):
+@pytest.mark.parametrize(('dragon', 'diameter_m', 'turns'), thinned(
+    [(ALMOST_EQUAL, 4.0, 5.0), (UNEVEN, 8.0, 10.0), (CLOSE, 4.0, 5.0), (LONG_AND_SHORT, 6.0, 8.0)],
+    lambda case: case[0] is UNEVEN))
+def test_the_smallest_pitch_of_a_mixed_dragon_is_between_a_contact_and_pitches_without_one(dragon, diameter_m, turns):
     seen = []
     found = min_pitch(dragon, diameter_m, turns, 0.9, 1e-4, seen.append, 0.42)
-    assert found.proved == proved
     assert found.states == sum(seen) > 0
     assert 0 < found.high_m - found.low_m <= 1e-4
     touch = first_contact(coming_in(dragon, found.low_m, turns, diameter_m))
     assert touch.benches == found.benches
-    for above_m in (found.high_m, *(found.high_m + np.geomspace(1e-6, 0.9 - found.high_m, 5) if proved else ())):
-        assert isinstance(first_contact(coming_in(dragon, float(above_m), turns, diameter_m)), NoContact)
+    for above_m in (found.high_m, *found.clear_m[::20]):
+        assert isinstance(first_contact(coming_in(dragon, above_m, turns, diameter_m)), NoContact)
 
 
 @pytest.mark.long       # by default, the test above compares an even list with equal benches
@@ -61,7 +58,6 @@ def test_the_smallest_pitch_of_an_almost_equal_dragon_is_almost_that_of_equal_be
 def test_the_pitch_of_a_mixed_dragon_is_bisected_if_the_contacts_of_its_head_do_not_decide(dragon, diameter_m,
                                                                                            largest_m):
     found = min_pitch(dragon, diameter_m, 8.0, largest_m, 0.05, smallest_m=0.35 if diameter_m < 9 else 1.2)
-    assert not found.proved
     assert found.benches[0] > 0
     assert 0 < found.high_m - found.low_m <= 0.05
     assert first_contact(coming_in(dragon, found.low_m, 8.0, diameter_m)).benches == found.benches
@@ -75,7 +71,6 @@ def test_of_a_bracket_whose_upper_end_has_a_contact_the_end_is_refused():
 
 
 @pytest.mark.parametrize(('smallest_m', 'says'), [
-    (None, r'smallest_m: None .* mixed benches is searched for between .* give a pitch at which benches touch'),
     (0.89, r'smallest_m: 0.89 .* no benches touch'), (1.5, r'largest_m: 0.9 ')])
 def test_a_bracket_of_mixed_benches_that_holds_no_pitch_is_refused(smallest_m, says):
     with pytest.raises(FieldError, match=says):

@@ -145,8 +145,3 @@ def test_a_bench_that_turns_back_before_a_wall_misses_it_there():
     (miss,) = near_misses(scene, first_contact(scene), 0.2).nearest     # the front of the head reaches x = 29.775 m
     assert (miss.benches, miss.obstacle, miss.bench) == ((0,), 'wall', 0)
     assert (miss.t_s, miss.gap_m) == (pytest.approx(10.0), pytest.approx(0.1))
-
-
-def test_intervals_that_touch_or_overlap_are_searched_as_one():
-    spans = module._spans([(7.0, 7.5), (1.0, 0.0), (1.0, 2.0), (2.5, 5.0), (4.0, 3.0), (5.5, 6.0)])
-    assert spans == [(0.0, 2.0), (2.5, 5.0), (5.5, 6.0), (7.0, 7.5)]

@@ -12,7 +12,6 @@ from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.search.obstacle_contact import phases
 from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.spec import Spiral
 
@@ -115,24 +114,10 @@ def test_phases_follow_the_travel_in_both_directions_and_no_handle_turns_back_wi
     scene, travel = Scene(Dragon(12, 1.0, 1.0, 0.01), Spiral(0.55, 8.0)), RangeOfTravel(law, *{
         1: (110.0, 110.8), -1: (110.8, 111.6)}[sense])
     domain = SearchDomain(scene, travel, sense, lambda states: None)
-    ends, angles = domain.phases(domain.stop_m)
-    assert (ends[0], len(ends), ends[-1]) == (domain.start_m, 4, domain.stop_m)
-    known = {*domain._kept}
-    assert phases(domain, domain.stop_m) == [*pairwise(ends)]
-    assert {*domain._kept} == known     # the ends of phases are found without placing all handles there
-    for before, after in pairwise(ends):
+    parts = domain.phases(domain.start_m, domain.stop_m)
+    assert (parts[0][0], len(parts), parts[-1][1]) == (domain.start_m, 3, domain.stop_m)
+    assert all(one[1] == two[0] for one, two in pairwise(parts))
+    for before, after in parts:
         assert sense * (after - before) > 0
-        steps = np.diff([domain.angles(place)[:3] for place in np.linspace(before, after, 30)], axis=0)
+        steps = np.diff([domain.chain(place).u[:3] for place in np.linspace(before, after, 30)], axis=0)
         assert np.all(np.all(steps <= 1e-9, axis=0) | np.all(steps >= -1e-9, axis=0))
-    assert all(np.array_equal(domain.angles(place), theta) for place, theta in zip(ends, angles, strict=True))
-
-
-@pytest.mark.parametrize(('inset_m', 'width_m', 'step_m'), [
-    (0.1, 0.1, 1e-6), (6.7, 0.1, 1e-6), (7.1, 0.1, 2e-6),       # the corners' levers are 7.75 and 8.15
-    (0.1, 39.0, 2e-6), (0.25, 39.0, 2e-6), (1.1, 39.0, 4e-6)])  # the levers exceed 20, benches 2.2, 2.5 and 4.2 m
-def test_the_step_of_slopes_grows_with_the_lever_of_corners_up_to_a_millionth_of_the_longest_bench(inset_m, width_m,
-                                                                                                step_m):
-    length_m = 2.0 + 2 * inset_m
-    scene = Scene(Dragon(3, length_m, length_m, width_m, inset_m), Spiral(50.0, 16.0), run=Run(0.0, 1.0))
-    domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 1.0), 1, lambda states: None)
-    assert domain.step_m((0, 2)) == step_m
