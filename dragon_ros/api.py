@@ -19,7 +19,15 @@ from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.batches import batches, states, velocity_of
 from dragon_ros.core.chain.dragon import AnyDragon, Dragon, Mixed
 from dragon_ros.core.checks import number, whole
-from dragon_ros.core.errors import DiskError, DragonError, FieldError, InputError, MissingError, ModelEnd
+from dragon_ros.core.errors import (
+    DiskError,
+    DragonError,
+    FieldError,
+    InputError,
+    MissingError,
+    ModelEnd,
+    naming_arguments,
+)
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.geometry.near_obstacles import with_obstacles
 from dragon_ros.core.geometry.near_pairs import closeness
@@ -171,6 +179,10 @@ class Simulated:
 
     simulation: Simulation
 
+    def __reduce__(self) -> tuple[Callable[[Scene], 'Simulated'], tuple[Scene]]:
+        """Return how a copy, also in another process, is made: its scene is compiled again."""
+        return compile, (self.scene,)
+
     @property
     def scene(self) -> Scene:
         """The scene."""
@@ -210,6 +222,8 @@ class Simulated:
         if out is not None and not (isinstance(out, (tuple, list)) and len(out) == 2
                                     and all(isinstance(one, np.ndarray) for one in out)):
             raise FieldError('out', out, 'it is not a pair of arrays', 'give arrays for handles and velocities')
+        if out is not None and np.may_share_memory(*out):
+            raise FieldError('out', 'two arrays', 'they share memory', 'give separate arrays')
         handles, velocity = out or (None, None)
         chain = states(self.scene, times, handles)
         return Motion(np.array(times), chain.p, velocity_of(self.scene, chain, times, velocity),
@@ -289,7 +303,8 @@ class Bag:
         """Open a bag (an .mcap file or a rosbag2 folder). Raises InputError unless exactly one dragon is selected."""
         self._reader, self._trust = BagReader(Path(_path('path', path))), trust
         try:
-            self.namespace = namespace_of(self._reader, namespace)
+            with naming_arguments():
+                self.namespace = namespace_of(self._reader, namespace)
         except InputError:
             self._reader.close()
             raise
@@ -313,7 +328,8 @@ class Bag:
 
         Raises InputError if an untrusted scene exceeds the budgets.
         """
-        return scene_of_bag(self._reader, self.namespace, self._trust)
+        with naming_arguments():
+            return scene_of_bag(self._reader, self.namespace, self._trust)
 
     @property
     def reader(self) -> BagReader:

@@ -5,7 +5,7 @@ from pathlib import Path
 from threading import Event
 from typing import Any
 
-from dragon_ros.cli.inputs import FieldError, Floats, InputError, MissingError, read_only
+from dragon_ros.cli.inputs import FieldError, Floats, InputError, MissingError, naming_arguments, read_only
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +54,6 @@ def study(name_or_path: str | PathLike[str], output: str | PathLike[str] | None 
         raise InputError('output: it is missing; give the folder for the rows', field='output')
     known = open_set(path) if output is None else DataSet(Path(output), load_study(fspath(name_or_path)))
     wanted = known.study if samples is None else known.study.with_samples(samples)
-    with writing(known.folder, wanted) as data:
+    with naming_arguments(), writing(known.folder, wanted) as data:
         complete(data, Event(), lambda progress: None, workers, scheduler)
     return Rows(data.folder, data.table())

@@ -1,4 +1,5 @@
 """The public Python API: the names of ``import dragon_ros as dr``, and the examples on its page."""
+import copy
 import json
 import pickle
 import re
@@ -118,7 +119,7 @@ def test_states_fill_the_arrays_that_they_are_given(name):
                                  np.empty((2, 2, 224)).swapaxes(1, 2)])
 def test_arrays_that_cannot_take_the_states_are_refused(out):
     with pytest.raises(InputError, match=r'out: .*the result has shape \(2, 224, 2\); give a writable array'):
-        dr.compile(dr.scene('winding')).states([0.0, 1.0], (out, out))
+        dr.compile(dr.scene('winding')).states([0.0, 1.0], (out, out.copy(order='K')))
 
 
 def test_a_table_needs_pandas_and_says_so(monkeypatch):
@@ -233,3 +234,28 @@ def test_a_pickled_frame_has_the_size_of_its_arrays(name):
     np.testing.assert_array_equal(again.velocity_m_s, frame.velocity_m_s)
     assert again.chain.solver == frame.chain.solver
     np.testing.assert_allclose(again.chain.velocities(1.0), frame.chain.velocities(1.0), rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize('name', ['winding', 'turning', 'mixed', 'street'])
+def test_a_compiled_scene_is_pickled_and_copied_after_it_was_used(name):
+    run = dr.compile(dr.scene(name))
+    handles_m = run.state(1.0).handles_m
+    run.states([0.0, 1.0])
+    for other in (pickle.loads(pickle.dumps(run)), copy.copy(run), copy.deepcopy(run)):
+        assert other.scene == run.scene
+        assert np.array_equal(other.state(1.0).handles_m, handles_m)
+
+
+def test_buffers_that_overlap_are_refused():
+    run, room = dr.compile(dr.scene()), np.empty((3, 224, 2))
+    for overlapping in (room[:2], room[1:]):
+        with pytest.raises(dr.FieldError, match='out: .* they share memory; give separate arrays'):
+            run.states([0.0, 60.0], (room[:2], overlapping))
+    both = np.empty((2, 2, 224, 2))
+    motion = run.states([0.0, 60.0], (both[0], both[1]))
+    assert np.array_equal(motion.handles_m[1], run.states([60.0]).handles_m[0])
+
+
+def test_errors_name_arguments_and_not_the_options_of_commands(bag, tmp_path):
+    with pytest.raises(dr.InputError, match='none in namespace left'):
+        dr.read_bag(bag, namespace='left')

@@ -6,7 +6,7 @@ from dragon_ros.bags.write.lock import lock
 from dragon_ros.configuration import folder as configuration_folder
 from dragon_ros.core.checks import choice, number, settle, whole
 from dragon_ros.core.domain import COORDINATE, PITCH, SPEED
-from dragon_ros.core.errors import DiskError, DragonError, FieldError, InputError, MissingError, shown
+from dragon_ros.core.errors import DiskError, DragonError, FieldError, InputError, MissingError, naming_arguments, shown
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.words import counted
 from dragon_ros.scenes.load import changed_scene, scene_of, scene_values
@@ -18,5 +18,5 @@ from dragon_ros.version import __version__
 __all__ = [
     'COORDINATE', 'PITCH', 'SPEED', 'DiskError', 'Document', 'DragonError', 'FieldError', 'Floats', 'InputError',
     'Ints', 'MissingError', 'Schema', '__version__', 'changed_scene', 'choice', 'configuration_folder', 'counted',
-    'kind_schema', 'lock', 'number', 'parse_document', 'plain_number', 'read_document', 'read_only', 'scene_of',
-    'scene_schema', 'scene_values', 'settle', 'shown', 'versions', 'whole']
+    'kind_schema', 'lock', 'naming_arguments', 'number', 'parse_document', 'plain_number', 'read_document', 'read_only',
+    'scene_of', 'scene_schema', 'scene_values', 'settle', 'shown', 'versions', 'whole']

@@ -1,6 +1,10 @@
 """Errors with a cure: each states the value, the limit and the cure, and also stores them as fields."""
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
 from typing import Any
+
+_OPTION = re.compile('--([a-z][a-z-]*)')
 
 _MOST_SHOWN = 100       # maximum length, in characters, of a value in an error
 _NEAR = 0.65            # minimum difflib ratio: pich_m is close to pitch_m (0.92), obstacles not close to trails (0.53)
@@ -21,6 +25,18 @@ def did_you_mean(word: object, known: Iterable[str], otherwise: str, alike: floa
     names = {name.lower(): name for name in known}
     near = get_close_matches((word if isinstance(word, str) else shown(word)).lower(), names, n=1, cutoff=alike)
     return f'did you mean {names[near[0]]}?' if near else otherwise
+
+
+@contextmanager
+def naming_arguments() -> Iterator[None]:
+    """In errors of the Python API, name arguments instead of options, except in commands, which stand in backquotes."""
+    try:
+        yield
+    except DragonError as error:
+        parts = str(error).split('`')
+        parts[::2] = [_OPTION.sub(lambda found: found[1].replace('-', '_'), part) for part in parts[::2]]
+        error.args = ('`'.join(parts),)
+        raise
 
 
 class DragonError(Exception):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from processes import Forked
 
+import dragon_studies
 from dragon_ros.__main__ import main
 from dragon_ros.core.errors import InputError
 
@@ -194,3 +195,15 @@ def test_a_missing_library_is_named_with_the_cure(tmp_path, name, options, extra
     assert f'{name}: it is not installed, but ' in text
     assert f"pip install 'dragon_ros[{extra}]'" in text
     assert 'Traceback' not in text
+
+
+@pytest.mark.parametrize(('given', 'says'), [
+    ({'output': 'file/rows'}, 'output file/rows: cannot be written: Not a directory'),
+    ({'output': 'rows', 'workers': 0}, 'workers: 0 is not valid'),
+    ({'output': 'rows', 'workers': 1, 'scheduler': 'a:1'}, 'workers: a running cluster has its own workers')])
+def test_errors_of_the_function_name_its_arguments(tmp_path, monkeypatch, given, says):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'file').touch()
+    with pytest.raises(InputError) as error:
+        dragon_studies.study('tolerances', samples=2, **given)
+    assert str(error.value).startswith(says)
