@@ -1,7 +1,6 @@
 """Generate ``scene.schema.json`` and ``study.schema.json`` from the code.
 
-Run this script when a format changes, and commit both files:
-PYTHONPATH=. python msg_configs/make_scene_schema.py
+``./dragon schemas`` runs this script. Commit the files when a format changes.
 """
 from pathlib import Path
 

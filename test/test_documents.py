@@ -39,6 +39,7 @@ SUBSTITUTES = {
     './dragon test': (None, 'would run these tests again'),
     './dragon check': (None, 'would run these tests again'),
     './dragon lock': (None, 'queries the package index; test/test_locks.py checks the locks'),
+    './dragon schemas': (None, 'writes to the checkout; test/scenes/test_scene_schema.py checks the schemas'),
     './dragon docs': (None, 'writes to the checkout; a test below checks the tables'),
     './dragon python docs/examples/common_mistakes.py': (None, 'a test below runs it and compares its tables'),
     './dragon python docs/examples/': (None, 'requires a sim; test/nodes/test_examples.py runs it with one'),

@@ -1,4 +1,4 @@
-"""Write the MCAP schemas of all topics from an installed ROS 2. Run this script with ROS, and commit the result.
+"""Write the MCAP schemas of all topics from an installed ROS 2. ``./dragon schemas`` runs this script.
 
 A schema is the ros2msg text of a type, followed by the texts of the types that it contains, as stored by rosbag2.
 ``types.yaml`` contains the type hashes. With these files, bags can be written without ROS.

@@ -29,7 +29,7 @@ def accepted(document):
 def test_the_published_schema_is_current_and_a_schema():
     import jsonschema
     published = (configuration.folder() / 'scene.schema.json').read_text(encoding='utf-8')
-    assert published == text(), 'run msg_configs/make_scene_schema.py'
+    assert published == text(), 'run ./dragon schemas'
     jsonschema.Draft202012Validator.check_schema(json.loads(published))
 
 

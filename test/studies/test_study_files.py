@@ -102,7 +102,7 @@ def test_the_studies_of_the_package_are_good_and_follow_the_schema(name):
 def test_the_published_schema_is_current_and_a_schema():
     jsonschema = pytest.importorskip('jsonschema')
     published = (configuration.folder() / 'study.schema.json').read_text(encoding='utf-8')
-    assert published == text(), 'run msg_configs/make_scene_schema.py'
+    assert published == text(), 'run ./dragon schemas'
     jsonschema.Draft202012Validator.check_schema(json.loads(published))
 
 
