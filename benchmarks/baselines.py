@@ -1,7 +1,9 @@
-"""Alternative solvers for comparison: scipy's solvers, the package's simple solvers, and integration."""
+"""Other methods for comparison: scipy's solvers, simple solvers, numpy over all times, numba, and integration."""
 from collections.abc import Callable
 from functools import partial
-from math import pi
+from importlib import import_module
+from math import asinh, hypot, pi
+from typing import Any
 
 import numpy as np
 from scipy.optimize import brentq, fsolve
@@ -35,6 +37,69 @@ def euler_steps(scene: Scene, step_s: float) -> tuple[Chain, Callable[[Chain], C
         theta = chain.u - step_s * v / (b * np.sqrt(1 + chain.u**2))
         return chain_of(chain.track, chain.links_m, chain.direction, (chain.segment, theta, np.zeros_like(theta)), 0)
     return start, advance
+
+
+def _arc(scene: Scene) -> float:
+    """Return the length of the spiral from its centre to the head's start, in units of b."""
+    start = 2 * pi * scene.spiral.start_turns
+    return 0.5 * (start * hypot(1, start) + asinh(start))
+
+
+def heads(scene: Scene, times_s: list[float]) -> Floats:
+    """Return the polar angles of the head at many times, by Newton's method on the arc length."""
+    left = _arc(scene) - scene.steady_m_s * np.asarray(times_s) / scene.spiral.b_m
+    theta = np.sqrt(2 * left)
+    for _ in range(6):
+        theta -= (0.5 * (theta * np.hypot(1, theta) + np.arcsinh(theta)) - left) / np.hypot(1, theta)
+    return theta
+
+
+def newton_over_times(scene: Scene, times_s: list[float]) -> Floats:
+    """Return handles (m, shape (T, N+1, 2)): link by link, Newton's method on the half-angle chord at all times."""
+    b, theta = scene.spiral.b_m, heads(scene, times_s)
+    rows = [theta]
+    for chord in (scene.dragon.link_lengths_m / b).tolist():
+        delta = chord / np.hypot(1, theta)
+        for _ in range(4):
+            half, outer = np.sin(0.5 * delta), theta + delta
+            excess = delta * delta + 4 * theta * outer * half * half - chord * chord
+            delta -= excess / (2 * delta + 4 * theta * half * half + 2 * theta * outer * np.sin(delta))
+        theta = theta + delta
+        rows.append(theta)
+    angle = np.stack(rows, axis=1)
+    out: Floats = b * angle[..., None] * np.stack((np.cos(angle), np.sin(angle)), axis=-1)
+    return out
+
+
+def compiled_newton() -> Solver | None:
+    """Return the same method for one time, compiled by numba, or None if numba is not installed."""
+    try:
+        njit: Any = import_module('numba').njit
+    except ImportError:
+        return None
+
+    def place(b: float, left: float, chords: Floats, out: Floats) -> None:
+        theta = np.sqrt(2 * left)
+        for _ in range(6):
+            root = np.sqrt(1 + theta * theta)
+            theta -= (0.5 * (theta * root + np.arcsinh(theta)) - left) / root
+        for n in range(chords.size + 1):
+            out[n, 0], out[n, 1] = b * theta * np.cos(theta), b * theta * np.sin(theta)
+            if n < chords.size:
+                delta = chords[n] / np.sqrt(1 + theta * theta)
+                for _ in range(4):
+                    half, outer = np.sin(0.5 * delta), theta + delta
+                    excess = delta * delta + 4 * theta * outer * half * half - chords[n] * chords[n]
+                    delta -= excess / (2 * delta + 4 * theta * half * half + 2 * theta * outer * np.sin(delta))
+                theta += delta
+
+    compiled = njit(place)
+
+    def solve(scene: Scene, t_s: float) -> Floats:
+        out, b = np.empty((scene.dragon.benches + 1, 2)), scene.spiral.b_m
+        compiled(b, _arc(scene) - scene.steady_m_s * t_s / b, scene.dragon.link_lengths_m / b, out)
+        return out
+    return solve
 
 
 SOLVERS: dict[str, Solver] = {

@@ -42,10 +42,10 @@ def times_real_time(compression):
 
 # Words around figures, each figure as #, and the figures.
 STATED = [
-    ('of the classic dragon takes # µs per tick', lambda: [
-        1e6 * value('accuracy', problem='classic', solver='exact')]),
-    ('forward placement takes # ms', lambda: [1e3 * value('accuracy', problem='classic', solver='exact, marched')]),
-    ("scipy's `brentq` takes # ms", lambda: [1e3 * value('accuracy', problem='classic', solver='scipy brentq')]),
+    ('of the classic dragon takes # µs', lambda: [
+        1e6 * value('accuracy', method='dragon_ros, table')]),
+    ('forward placement takes # ms', lambda: [1e3 * value('accuracy', method='dragon_ros, march')]),
+    ("scipy's `brentq` takes # ms", lambda: [1e3 * value('accuracy', method='scipy brentq')]),
     ('a tick with only handles takes # µs', lambda: [
         1e6 * value('effects', what='minimal', scene='over a build without effects')]),
     ('bench rectangles, takes # times as long, and a tick with all effects # times', lambda: [
