@@ -1,9 +1,11 @@
 """Install dragon_ros: with colcon on a ROS 2 install, or with pip beside the ROS 2 wheels."""
 from pathlib import Path
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
 NAME = 'dragon_ros'
+MANIFEST = ElementTree.parse('package.xml').getroot()       # which has the address of the maintainer and the repository
 
 
 def files(folder: str, pattern: str = '*') -> list[str]:
@@ -21,9 +23,16 @@ setup(
     name=NAME,
     version='0.4.0',
     description='Bench dragon simulator for ROS 2',
+    long_description=Path('README.md').read_text(encoding='utf-8'),
+    long_description_content_type='text/markdown',
+    classifiers=['Development Status :: 4 - Beta', 'Intended Audience :: Education',
+                 'Intended Audience :: Science/Research', 'License :: OSI Approved :: Apache Software License',
+                 'Operating System :: POSIX :: Linux', 'Programming Language :: Python :: 3',
+                 'Topic :: Scientific/Engineering'],
+    url=MANIFEST.findtext('url'),
     license='Apache-2.0',
     maintainer='dragon_ros maintainers',
-    maintainer_email='maintainers@dragon-ros.example.org',
+    maintainer_email=MANIFEST.find('maintainer').attrib['email'],
     packages=find_packages(include=[NAME, f'{NAME}.*', 'dragon_contest', 'dragon_contest.*', 'dragon_studies']),
     package_data={NAME: ['py.typed'], f'{NAME}.commands.view': ['web/*'],
                   'dragon_contest.grade': ['report.css']},

@@ -35,9 +35,9 @@ def main(argv: list[str]) -> int:
         return 0
     name, *rest = argv
     if name not in EXECUTABLES:
-        from dragon_ros.core.errors import did_you_mean
+        from dragon_ros.core.errors import did_you_mean, shown
         hint = did_you_mean(name, EXECUTABLES, f'the names are {", ".join(EXECUTABLES)}')
-        print(f'dragon_ros: unknown executable {name!r}; {hint}', file=sys.stderr)
+        print(f'dragon_ros: unknown executable {shown(name)}; {hint}', file=sys.stderr)
         return 2
     executable = EXECUTABLES[name]
     before = signal.getsignal(signal.SIGINT)

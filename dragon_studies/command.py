@@ -1,7 +1,7 @@
 """``study``: run a parameter study and summarise its results."""
 import json
+import os
 import shlex
-import sys
 from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -45,7 +45,7 @@ def _run(arguments: Namespace) -> int:
     with _libraries():
         from dragon_studies import answers, dataset
         from dragon_studies.definition import load_study
-    study = None if Path(arguments.study).is_dir() else load_study(arguments.study)
+    study = None if os.path.isdir(arguments.study) else load_study(arguments.study)
     folder = _folder_of(arguments)
     data = dataset.open_set(folder) if study is None else dataset.DataSet(folder, study)
     if arguments.samples is not None:
@@ -66,7 +66,7 @@ def _run(arguments: Namespace) -> int:
             for path in figures.save(figure, folder / name, f'study {figures.short(folder.name)}'):
                 command_line.write_output(None, str(path))
         if not drawn:
-            print(f'study: nothing is drawn: {NEEDED}', file=sys.stderr)
+            command_line.note(f'study: nothing is drawn: {NEEDED}')
     return code
 
 
@@ -76,8 +76,6 @@ def _libraries() -> Iterator[None]:
     try:
         yield
     except ImportError as error:
-        if error.name == 'resource':        # Dask imports it
-            raise MissingError('studies need Linux, because Dask uses the module resource') from None
         raise MissingError(f"{error.name}: it is not installed, but studies need it; pip install 'dragon_ros[study]', "
                            'or use ./dragon study, which installs it') from None
 
@@ -85,7 +83,7 @@ def _libraries() -> Iterator[None]:
 def _folder_of(arguments: Namespace) -> Path:
     """Return the folder of the data set, which may be given instead of a study."""
     given = Path(arguments.study)
-    if given.is_dir():
+    if os.path.isdir(given):
         if arguments.output is not None:
             raise InputError('--output: the folder of a study is its own output; omit --output', field='output')
         return given
@@ -105,15 +103,15 @@ def _computed(arguments: Namespace, data: 'DataSet') -> int:
     with stopped_by_signals() as stop, dataset.writing(data.folder, data.study) as kept:
         there = kept.count
         if there:
-            print(f'study: {there} of {counted(data.study.rows, "row")} already exist', file=sys.stderr)
+            command_line.note(f'study: {there} of {counted(data.study.rows, "row")} already exist')
         if arguments.scheduler is not None and workers is None:     # an attempt may take half a minute
-            print(f'study: connecting to {arguments.scheduler}', file=sys.stderr)
+            command_line.note(f'study: connecting to {arguments.scheduler}')
         with Progress('study', 'rows', data.study.rows, initial=there) as shown:
             done = complete(kept, stop, partial(_show, shown, there), workers, arguments.scheduler)
     if done.done == done.total:
         return command_line.OK
-    print(f'study: stopped with {done.done} of {counted(done.total, "row")}; to continue: {_again(arguments)}',
-          file=sys.stderr)
+    command_line.note(f'study: stopped with {done.done} of {counted(done.total, "row")}; to continue: '
+                      f'{_again(arguments)}')
     return command_line.FAILED
 
 
@@ -126,7 +124,7 @@ def _again(arguments: Namespace) -> str:
     """Return the command line that continues the study."""
     given = {'--output': arguments.output, '--samples': arguments.samples, '--workers': arguments.workers,
              '--scheduler': arguments.scheduler}
-    words = ['./dragon', 'study', arguments.study]
+    words = [*command_line.program().split(), 'study', arguments.study]
     for name, value in given.items():
         words += [] if value is None else [name, str(value)]
     return shlex.join(words)

@@ -1,4 +1,6 @@
 """A Dask cluster that the user has started: its workers compute the batches of a study."""
+import json
+import os
 import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator
@@ -52,13 +54,25 @@ def _check_same(who: str, found: dict[str, str], wanted: dict[str, str]) -> None
                              'would differ; install the same versions everywhere (docs/studies.md)', field=name)
 
 
+def _address(file: Path) -> str:
+    """Return the address in a scheduler file. Raises InputError."""
+    try:
+        address = json.loads(file.read_bytes())['address']
+    except (OSError, ValueError, LookupError, TypeError):
+        address = None
+    if not isinstance(address, str):
+        raise InputError(f'--scheduler {file}: it contains no address of a scheduler; give the file that `dask '
+                         'scheduler --scheduler-file FILE` has written', field='scheduler')
+    return address
+
+
 @contextmanager
 def joined(scheduler: str) -> Iterator['Cluster']:
     """Yield the running cluster with the given address or scheduler file; Dask's TLS settings apply.
 
     Raises MissingError if the cluster cannot be reached, and InputError if versions differ.
     """
-    where = {'scheduler_file': scheduler} if Path(scheduler).is_file() else {'address': scheduler}
+    where = {'address': _address(Path(scheduler)) if os.path.isfile(scheduler) else scheduler}
     try:
         with warnings.catch_warnings():         # ``_check_versions`` reports all differences in one error
             warnings.simplefilter('ignore', VersionMismatchWarning)

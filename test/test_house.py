@@ -1,5 +1,6 @@
 """The ROS linters' checks of the licence and the manifest, without these linters; ruff covers the other rules."""
 import hashlib
+import subprocess
 import tokenize
 from pathlib import Path
 from xml.etree import ElementTree
@@ -40,6 +41,19 @@ def test_the_manifest_is_what_the_tools_of_ros_accept_without_a_warning():
     found.validate(warnings=warnings)
     assert warnings == []
     assert found.get_build_type() == 'ament_python'
+
+
+def test_a_release_is_refused_while_the_only_addresses_are_placeholders():
+    manifest = ElementTree.parse(ROOT / 'package.xml').getroot()
+    addresses = {manifest.find('maintainer').get('email'), manifest.findtext('url')}
+    assert all('dragon-ros.example.org' in address for address in addresses)       # until the project has an address
+    copies = [path for path in (ROOT / 'setup.py', ROOT / 'CITATION.cff', ROOT / 'SECURITY.md', ROOT / 'README.md')
+              if 'dragon-ros.example.org' in path.read_text()]
+    assert copies == []
+    done = subprocess.run([ROOT / '.ci' / 'release'], capture_output=True, text=True, check=False)
+    assert done.returncode == 2
+    assert all(address in done.stderr for address in addresses)
+    assert 'placeholders; replace them before a release' in done.stderr
 
 
 # Keys of rosdep and packages of ROS 2 that resolve on Ubuntu noble and later, according to rosdistro of 2026-08-22.

@@ -1,6 +1,7 @@
 """Options, exit codes and one-line errors shared by all command lines."""
 import argparse
 import os
+import re
 import sys
 from collections.abc import Callable, Collection, Iterable, Sequence
 from math import isfinite
@@ -14,6 +15,8 @@ if TYPE_CHECKING:       # --help must not import numpy
     from dragon_ros.core.scene import Scene
 
 OK, FAILED, BAD_INPUT, INCOMPLETE = 0, 1, 2, 3
+# Control characters except tabs and line feeds, separators of lines, and marks that reverse the direction of text.
+_CONTROLS = re.compile('[\0-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]')
 _MOST_SHOWN = 400       # maximum length of argparse's error messages, in characters
 
 
@@ -85,7 +88,7 @@ class Parser(argparse.ArgumentParser):
         """Print the error with a reference to --help, and exit with code 2."""
         line = ' '.join(message.split())
         line = line if len(line) <= _MOST_SHOWN else f'{line[:_MOST_SHOWN]}...'
-        self.exit(BAD_INPUT, f'{self.prog}: {line}; see {self.prog} --help\n')
+        self.exit(BAD_INPUT, printable(f'{self.prog}: {line}; see {self.prog} --help') + '\n')
 
 
 def _finite(text: str) -> float:
@@ -264,7 +267,7 @@ def csv_of(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
 def check_keeps(option: str, path: Path | None, *sources: str | Path | None) -> None:
     """Raise InputError if the file to write is one of the files that are read."""
     for source in sources:
-        if path is not None and source is not None and os.path.exists(source) and path.exists() and (
+        if path is not None and source is not None and os.path.exists(source) and os.path.exists(path) and (
                 path.samefile(source)):
             raise InputError(f'{option} {path}: this is the file that is read; give another file')
 
@@ -288,7 +291,7 @@ def write_output(path: Path | None, content: str | bytes, option: str = '--outpu
         if isinstance(content, bytes):
             raise InputError('--format: this format can only be written to a file; give --output FILE', field='output')
         try:
-            print(content, flush=True)
+            print(printable(content), flush=True)
         except BrokenPipeError:
             raise
         except OSError as error:
@@ -302,6 +305,16 @@ def write_output(path: Path | None, content: str | bytes, option: str = '--outpu
         raise MissingError(f'{option} {path}: cannot be written: {error.strerror}') from None
 
 
+def printable(text: str) -> str:
+    """Return text with escaped control characters except line feeds and tabs, so that names cannot drive a terminal."""
+    return _CONTROLS.sub(lambda found: found[0].encode('unicode_escape').decode(), text)
+
+
+def note(text: str) -> None:
+    """Print a line to standard error, with escaped control characters."""
+    print(printable(text), file=sys.stderr)
+
+
 def guarded(name: str, body: Callable[[], int]) -> int:
     """Run a command and return its exit code; report a DragonError as one line on standard error."""
     try:
@@ -312,6 +325,10 @@ def guarded(name: str, body: Callable[[], int]) -> int:
     except KeyboardInterrupt:
         return FAILED
     except DragonError as error:
-        line = ' '.join(str(error).split())
-        print(f'{name}: {line}', file=sys.stderr)
+        note(f'{name}: {" ".join(str(error).split())}')
         return BAD_INPUT if isinstance(error, (InputError, ModelEnd)) else FAILED
+    except OSError as error:        # a name that the system rejects, for example because it is too long
+        if error.filename is None:
+            raise
+        note(f'{name}: {error.filename}: {error.strerror}')
+        return BAD_INPUT

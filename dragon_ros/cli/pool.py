@@ -63,12 +63,14 @@ class Pool:
         jobs, which bounds the memory use. Raises WorkerKilledError.
         """
         rest, began_s = iter(jobs), time.monotonic()
-        for job in rest if self.workers == 1 or self.given is None else ():
-            yield work(job)
-            if self.workers > 1 and time.monotonic() - began_s > _ALONE_S:
-                break
-        if self.workers > 1:
-            yield from _shared(work, rest, self.workers)
+        if self.workers == 1 or self.given is None:
+            for job in rest:
+                yield work(job)
+                if self.workers > 1 and time.monotonic() - began_s > _ALONE_S:
+                    break
+            else:
+                return
+        yield from _shared(work, rest, self.workers)
 
 
 ALONE = Pool(1)
@@ -96,7 +98,7 @@ def _shared(work: Callable[[J], R], rest: Iterable[J], workers: int) -> Generato
                 yield _read(waiting.popleft().result())
         except BrokenProcessPool:
             raise WorkerKilledError('one of the worker processes was killed, perhaps because memory ran out; reduce '
-                              '--workers') from None
+                                    '--workers') from None
         finally:
             pool.shutdown(cancel_futures=True)
 

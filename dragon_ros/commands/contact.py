@@ -1,7 +1,7 @@
 """``contact``: find the first contact of a scene."""
 import argparse
 import json
-import sys
+import os
 import time
 from argparse import Namespace
 from collections.abc import Callable
@@ -65,7 +65,7 @@ def _check(arguments: Namespace) -> None:
     if arguments.near_misses is not None:
         number('--near-misses', arguments.near_misses, above=0.0)
     if None not in (arguments.certificate, arguments.output) and (
-            arguments.certificate.resolve() == arguments.output.resolve()):
+            os.path.realpath(arguments.certificate) == os.path.realpath(arguments.output)):
         raise InputError(f'--output {arguments.output}: the certificate is written to this file; give another file')
     if arguments.near_misses is not None and arguments.format == 'csv':
         raise InputError('--near-misses: --format csv contains only the contact; use text or json')
@@ -98,7 +98,7 @@ def _run(arguments: Namespace) -> int:
                                   't_s': miss.t_s, 'gap_m': miss.gap_m} for miss in near.nearest]
         values |= {'near_misses_count': near.count, 'near_misses_are': 'sampled and refined'}
     if arguments.certificate and lacks:
-        print(f'contact: no certificate is written: {walk.lack}', file=sys.stderr)
+        command_line.note(f'contact: no certificate is written: {walk.lack}')
     elif arguments.certificate:
         from dragon_ros.scenes import certificate
         command_line.write_output(arguments.certificate, json.dumps(certificate.as_values(scene, found)),
@@ -148,13 +148,13 @@ def _obstacle_touch(arguments: Namespace) -> dict[str, Any] | None:
         try:
             touch = dragon_in(bag, namespace).first_touch(Progress('obstacles', 'ticks'))
         except InputError as error:
-            print(f'{said}not examined, because {error}', file=sys.stderr)
+            command_line.note(f'{said}not examined, because {error}')
             return None
     if touch is None or touch.obstacle is None:
-        print(f'{said}in the recorded ticks, no bench touches an obstacle'
-              f'{"" if touch is None else f" before benches touch each other at {touch.t_s:.9f} s"}', file=sys.stderr)
+        command_line.note(f'{said}in the recorded ticks, no bench touches an obstacle'
+                          f'{"" if touch is None else f" before benches touch each other at {touch.t_s:.9f} s"}')
         return {'t_s': None}
-    print(f'{said}in the recorded ticks, {touch.words} at {touch.t_s:.9f} s', file=sys.stderr)
+    command_line.note(f'{said}in the recorded ticks, {touch.words} at {touch.t_s:.9f} s')
     return {'t_s': touch.t_s, 'bench': touch.benches[0], 'obstacle': touch.obstacle, 'point_m': list(touch.point_m)}
 
 

@@ -1,5 +1,4 @@
 """``simulate``: write the bag of a scene, without ROS and as fast as the machine allows."""
-import sys
 import time
 from argparse import Namespace
 from contextlib import closing
@@ -49,8 +48,8 @@ def run(arguments: Namespace) -> int:
         done = simulate(scene, bag, arguments.namespace, stop, pool)
     simulated_s = (scene.run.time_ns(max(0, done - 1)) - scene.run.start_ns) / NS
     elapsed_s = time.perf_counter() - began
-    print(f'{arguments.output}: {done} of {counted(count, "tick")}, {simulated_s:g} s in {elapsed_s:.1f} s '
-          f'({simulated_s / elapsed_s:.0f} times real time)', file=sys.stderr)
+    command_line.note(f'{arguments.output}: {done} of {counted(count, "tick")}, {simulated_s:g} s in {elapsed_s:.1f} s '
+          f'({simulated_s / elapsed_s:.0f} times real time)')
     return command_line.OK if done == count else command_line.FAILED
 
 

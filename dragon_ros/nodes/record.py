@@ -372,7 +372,7 @@ class Recorder(DragonNode):
     def _settings(self) -> dict[str, str]:
         """Return the settings of this recorder, for the metadata of the run."""
         settings = {key: str(value) for key, value in vars(self.bag.options).items()}
-        return settings | provenance.versions() | {'ros_distro': os.environ.get('ROS_DISTRO', 'unknown'),
+        return settings | provenance.versions() | {'ros_distro': provenance.ros_distro(),
                                                    'rmw': os.environ.get('RMW_IMPLEMENTATION', 'default')}
 
 

@@ -1,5 +1,6 @@
 """Load scene files: convert YAML to a core Scene, with errors that name the file, line and key."""
 import json
+import os
 import re
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -351,7 +352,7 @@ def _find(name_or_file: str) -> Path:
     if '/' in name_or_file or name_or_file.endswith(('.yaml', '.yml')):
         return Path(name_or_file)
     known = scene_names()
-    if name_or_file not in known and Path(name_or_file).is_file():
+    if name_or_file not in known and os.path.isfile(name_or_file):
         return Path(name_or_file)
     if name_or_file not in known:
         hint = did_you_mean(name_or_file, known, 'give one of these or the path of a .yaml file')

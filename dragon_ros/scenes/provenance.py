@@ -5,6 +5,7 @@ import platform
 from collections.abc import Mapping
 from contextlib import suppress
 from functools import lru_cache
+from importlib import metadata
 from importlib.util import find_spec
 from math import inf
 from pathlib import Path
@@ -21,6 +22,7 @@ from dragon_ros.scenes.yaml import parse_document
 from dragon_ros.version import __version__
 
 RECORD = 'dragon_ros'
+_DISTRIBUTIONS = {'3': 'humble', '7': 'jazzy', '9': 'kilted', '10': 'lyrical'}      # by major version of rclpy
 ATTACHMENT = 'scene.yaml'
 CLAIM = 'first_contact'     # key of ``about`` for the certificate's claim, if the run ends in its first contact
 # Names of the OpenBLAS function that returns the kernel in use, in distribution builds and in numpy's wheels.
@@ -36,6 +38,15 @@ def versions() -> dict[str, str]:
     if commit:
         found['git'] = commit + ('+' if _git('status', '--porcelain', '--untracked-files=no') else '')
     return found
+
+
+def ros_distro() -> str:
+    """Return the ROS distribution that runs, by the version of its rclpy, or otherwise by ROS_DISTRO."""
+    with suppress(metadata.PackageNotFoundError):
+        major = metadata.version('rclpy').partition('.')[0]
+        if major in _DISTRIBUTIONS:
+            return _DISTRIBUTIONS[major]
+    return os.environ.get('ROS_DISTRO', 'unknown')
 
 
 @lru_cache(maxsize=1)

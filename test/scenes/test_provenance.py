@@ -82,3 +82,19 @@ def test_reading_the_state_of_the_checkout_writes_nothing_to_it(tmp_path, monkey
     monkeypatch.setattr(provenance, '__file__', str(package))
     assert len(provenance.versions.__wrapped__()['git']) == 40       # without +: no file is modified
     assert (tmp_path / '.git' / 'index').read_bytes() == index
+
+
+@pytest.mark.parametrize(('version', 'named', 'distribution'), [
+    ('7.1.6', None, 'jazzy'), ('9.1.2', 'jazzy', 'kilted'), ('10.0.1', 'jazzy', 'lyrical'),
+    ('11.0.0', 'rolling', 'rolling'), ('11.0.0', None, 'unknown'), (None, 'humble', 'humble'), (None, None, 'unknown')])
+def test_the_ros_distribution_is_the_one_that_runs(monkeypatch, version, named, distribution):
+    def found(name):
+        assert name == 'rclpy'
+        if version is None:
+            raise provenance.metadata.PackageNotFoundError(name)
+        return version
+    monkeypatch.setattr(provenance.metadata, 'version', found)
+    monkeypatch.delenv('ROS_DISTRO', raising=False)
+    if named:
+        monkeypatch.setenv('ROS_DISTRO', named)
+    assert provenance.ros_distro() == distribution

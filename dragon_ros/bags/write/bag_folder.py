@@ -20,7 +20,7 @@ class BagFolder:
     def __init__(self, path: Path, replace: bool) -> None:
         """Create and lock the folder; replacing a folder removes only its bag files. Raises MissingError."""
         self.path, self._new = path, path / f'{_METADATA}.new'
-        parts = sorted(path.glob(f'{path.resolve().name}_*.mcap'))
+        parts = sorted(path.glob(f'{Path(os.path.realpath(path)).name}_*.mcap'))
         replace = replace or (bool(parts) and all(map(holds_no_message, parts)))
         try:
             path.mkdir(exist_ok=replace)

@@ -22,6 +22,7 @@ from dragon_ros.core.checks import number
 from dragon_ros.core.errors import DiskError, FieldError, InputError, MissingError
 from dragon_ros.messages.channels import Channel
 from dragon_ros.messages.schemas import schema_text, type_hash
+from dragon_ros.scenes.provenance import ros_distro
 
 MB = 10**6
 _SWITCH_S = 2e-5        # shorter than the intervals at which numpy releases the interpreter lock
@@ -208,7 +209,7 @@ class BagWriter:
     def _new_file(self) -> McapWriter:
         path = self.path
         if self._folder is not None:
-            path /= f'{self.path.resolve().name}_{len(self._files)}.mcap'
+            path /= f'{Path(os.path.realpath(self.path)).name}_{len(self._files)}.mcap'
             described = sum(len(value) for _, values in self._extras.metadata for value in values.values())
             self._folder.reserve(_LISTED_BYTES + _LISTED_BYTES_A_PART * (len(self._files) + 1) + 2 * described)
         file = McapWriter(path, self._overwrite, self.options.compression, self.options.fsync, self._threaded)
@@ -311,7 +312,7 @@ def _metadata_text(files: Sequence[BagPart], topics: Mapping[str, tuple[str, str
         'relative_file_paths': [file.name for file in files],
         'files': [{'path': file.name, **_times(file.start_ns, file.end_ns), 'message_count': file.messages}
                   for file in files],
-        'custom_data': dict(custom) or None, 'ros_distro': os.environ.get('ROS_DISTRO', 'jazzy')}}, sort_keys=False)
+        'custom_data': dict(custom) or None, 'ros_distro': ros_distro()}}, sort_keys=False)
 
 
 def _times(start_ns: int, end_ns: int) -> dict[str, Any]:

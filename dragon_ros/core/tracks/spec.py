@@ -26,7 +26,7 @@ class Spiral:
         """Reject an invalid spiral."""
         settle(self, pitch_m=PITCH.checked('track.pitch_m', self.pitch_m),
                start_turns=number('track.start_turns', self.start_turns, low=0.0))
-        if pi * self.pitch_m * self.start_turns**2 > TRACK.high:
+        if pi * self.pitch_m * self.start_turns * self.start_turns > TRACK.high:
             raise FieldError('track.start_turns', self.start_turns, f'the spiral would be longer than {TRACK.high:g} m',
                              f'give at most {sqrt(TRACK.high / (pi * self.pitch_m)):.6g} turns, or a smaller pitch')
 
