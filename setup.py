@@ -35,7 +35,7 @@ setup(
     maintainer_email=MANIFEST.find('maintainer').attrib['email'],
     packages=find_packages(include=[NAME, f'{NAME}.*', 'dragon_contest', 'dragon_contest.*', 'dragon_studies']),
     package_data={NAME: ['py.typed'], f'{NAME}.commands.view': ['web/*'],
-                  'dragon_contest.grade': ['report.css']},
+                  'dragon_contest': ['paper_tables.json'], 'dragon_contest.grade': ['report.css']},
     # Executables are data files: `ros2 run` searches lib/dragon_ros, and names such as `sim` must never be installed in
     # a bin/.
     data_files=[

@@ -17,6 +17,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 import dragon_ros as dr  # noqa: E402
+from dragon_contest import limits as contest_budgets  # noqa: E402
 from dragon_ros import configuration  # noqa: E402
 from dragon_ros.configuration import scene_names  # noqa: E402
 from dragon_ros.core import domain  # noqa: E402
@@ -180,7 +181,8 @@ def world() -> str:
 
 def limits() -> str:
     """Return the budgets for untrusted input."""
-    rows = [(one.bounds, _amount(getattr(budgets, one.name), one.unit), one.beyond) for one in budgets.LIMITS]
+    rows = [(one.bounds, _amount(getattr(module, one.name), one.unit), one.beyond)
+            for module in (budgets, contest_budgets) for one in module.LIMITS]
     checked = [('a certificate', _amount(reading.MOST_BYTES, 'bytes'), 'rejected'),
                ('the intervals of a certificate', _amount(reading.MOST_ROWS, 'intervals'), 'rejected')]
     return table('quantity | at most | beyond it', [*rows, *checked])

@@ -4,17 +4,8 @@
 """
 from typing import Any
 
-import numpy as np
-
+import dragon_ros as dr
 from dragon_contest.mistakes import turning, winding
-from dragon_ros.core.batches import states, velocity_of
-from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.scene import Scene
-from dragon_ros.core.search.certificate import Contact
-from dragon_ros.core.search.first_contact import first_contact
-from dragon_ros.core.search.max_speed import max_speed
-from dragon_ros.core.search.min_pitch import min_pitch
-from dragon_ros.core.tracks.spec import STurn
 
 FORMAT = 1
 _LIMIT_M_S = 2.0        # question 5: no handle may be faster
@@ -25,12 +16,12 @@ _SPEED = 1e-11
 
 def right_answers() -> dict[str, Any]:
     """Return the answers to questions 1 to 5."""
-    touched = first_contact(winding())
-    assert isinstance(touched, Contact)
-    pitch = min_pitch(Dragon())
+    touched = dr.compile(winding()).contact()
+    assert isinstance(touched, dr.Contact)
+    pitch = dr.design.min_pitch()
     turn = turning()
-    assert isinstance(turn.track, STurn)
-    speed_m_s, below_m_s = max_speed(turn).leader_m_s(_LIMIT_M_S)
+    assert isinstance(turn.track, dr.STurn)
+    speed_m_s, below_m_s = dr.design.max_speed(turn).leader_m_s(_LIMIT_M_S)
     entry_s = turn.track.before_m / turn.steady_m_s
     return {
         '$schema': 'answers.schema.json', 'format': FORMAT, 'problem': 'CUMCM 2024 A',
@@ -67,13 +58,11 @@ def _answer(question: int, unit: str, value: float, uncertainty: float, status: 
             'statement': statement, 'command': command}
 
 
-def _states(scene: Scene, times_s: list[float], offset_s: float, command: str) -> dict[str, Any]:
+def _states(scene: dr.Scene, times_s: list[float], offset_s: float, command: str) -> dict[str, Any]:
     """Return the states of some handles at times counted from ``offset_s``."""
-    chain = states(scene, [t_s + offset_s for t_s in times_s])
-    velocity = velocity_of(scene, chain, [t_s + offset_s for t_s in times_s])
-    speeds = np.hypot(velocity[..., 0], velocity[..., 1])
+    motion = dr.compile(scene).states([t_s + offset_s for t_s in times_s])
     rows = [{'t_s': round(t_s, 10), 'handle': handle, 'x_m': round(float(p[handle, 0]), 10) + 0.0,
              'y_m': round(float(p[handle, 1]), 10) + 0.0, 'speed_m_s': round(float(speed[handle]), 10)}
-            for t_s, p, speed in zip(times_s, chain.p, speeds, strict=True) for handle in _HANDLES]
+            for t_s, p, speed in zip(times_s, motion.handles_m, motion.speed_m_s, strict=True) for handle in _HANDLES]
     return {'uncertainty_m': _STATE + 5e-11, 'uncertainty_m_s': _SPEED + 5e-11, 'status': 'tested', 'statement':
             'tested against 50-digit references', 'command': command, 'rows': rows}

@@ -11,24 +11,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dragon_ros.core.batches import states, velocity_of
-from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.geometry.rectangles import Benches
-from dragon_ros.core.geometry.signed_distance import gaps
-from dragon_ros.core.numerics.roots import illinois
-from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.scene import Scene
-from dragon_ros.core.step import state
-from dragon_ros.core.tracks.composite import Track, track_of
-from dragon_ros.core.tracks.segments import ArcSegment
-from dragon_ros.core.tracks.spec import STurn
-from dragon_ros.scenes.load import load_scene
+import dragon_ros as dr
+from dragon_contest.arrays import Floats
 
 PITCH_M, START, SPEED_M_S, HANDLES = 0.55, 32 * pi, 1.0, 224
-HEAD_LINK_M, BODY_LINK_M = 2.86, 1.65
+HEAD_LINK_M, BODY_LINK_M, INSET_M = 2.86, 1.65, 0.275
 FOLLOWING = 25          # number of handles of the benches that the head can touch
 RADIUS_M = 4.5                                      # radius of the turning circle
 _LATEST_S = 420.0       # last time (s) for which Euler steps are computed
+_NARROW = 1e-13         # a root in a narrower bracket is found
 _MOST_NEWTON, _SETTLED = 60, 1e-9     # each step of Newton's method squares the error
 Head = Callable[[Floats], Floats]                   # seconds (T,) -> polar angles (T,)
 Rule = Callable[[Floats, float], Floats]            # polar angles (T,) and a link in metres -> the next handle's angles
@@ -166,20 +157,20 @@ def placed(head: Head, rule: Rule, times_s: Floats, handles: int = HANDLES) -> F
 
 
 @cache
-def winding() -> Scene:
+def winding() -> dr.Scene:
     """Return the scene of questions 1 and 2."""
-    return load_scene('winding')
+    return dr.scene('winding')
 
 
 @cache
-def turning() -> Scene:
+def turning() -> dr.Scene:
     """Return the scene of questions 4 and 5."""
-    return load_scene('turning')
+    return dr.scene('turning')
 
 
 def true_handles_m(times_s: Floats) -> Floats:
     """Return the true positions (m, shape (T, 224, 2)) of all handles in question 1."""
-    return states(winding(), times_s.tolist()).p
+    return dr.compile(winding()).handles_m(times_s)
 
 
 def worst_m(p: Floats) -> float:
@@ -202,16 +193,16 @@ def errors_at_300_s() -> Iterator[MistakenAnswer]:
     yield MistakenAnswer('along', {}, worst_m(placed(exact, along, at)[0]))
     for short_m in (1e-2, 1e-3, 1e-4, 1e-6):
         yield MistakenAnswer('chord_short', {'short': short_m}, worst_m(placed(exact, chord(short_m), at)[0]))
-    yield MistakenAnswer('paper_grid', {}, worst_m(state(load_scene('winding', ['accuracy=paper']), 300.0).p))
+    paper = dr.compile(dr.scene('winding', accuracy='paper')).state(300.0)
+    yield MistakenAnswer('paper_grid', {}, worst_m(paper.handles_m))
 
 
 # Question 1: speeds.
-def differences(scene: Scene, times_s: Floats, step_s: float, kind: str) -> Floats:
+def differences(scene: dr.Scene, times_s: Floats, step_s: float, kind: str) -> Floats:
     """Return speeds (m/s, shape (T, N+1)) from 'forward', 'backward' or 'central' differences of positions."""
     before, after = {'forward': (0.0, 1.0), 'backward': (1.0, 0.0), 'central': (1.0, 1.0)}[kind]
-    ahead = states(scene, (times_s + after * step_s).tolist()).p
-    behind = states(scene, (times_s - before * step_s).tolist()).p
-    moved = ahead - behind
+    run = dr.compile(scene)
+    moved = run.handles_m(times_s + after * step_s) - run.handles_m(times_s - before * step_s)
     speed: Floats = np.hypot(moved[..., 0], moved[..., 1]) / ((before + after) * step_s)
     return speed
 
@@ -229,32 +220,43 @@ def projected(theta: Floats, leader_m_s: float = SPEED_M_S, swapped: bool = Fals
 
 
 # Question 2: the time at which benches touch.
-def rectangles(p: Floats, width_m: float) -> Benches:
-    """Return the benches that connect handles (T, N+1, 2), as one row of T * N benches."""
-    along_m = (p[:, :-1] - p[:, 1:]).reshape(-1, 2)
-    length_m = np.hypot(*along_m.T)
-    return Benches(0.5 * (p[:, :-1] + p[:, 1:]).reshape(-1, 2), along_m / length_m[:, None], 0.5 * length_m + 0.275,
-                   np.full(length_m.size, 0.5 * width_m))
-
-
 def head_gaps(p: Floats, width_m: float = 0.3) -> Floats:
     """Return the smallest gaps (m, shape (T,)) between the head and the benches behind it, except its neighbour."""
-    benches, behind = rectangles(p, width_m), np.arange(2, p.shape[1] - 1)
-    heads = np.repeat(np.arange(len(p)) * (p.shape[1] - 1), behind.size)
-    apart = gaps(benches, heads, heads + np.tile(behind, len(p)))
-    least: Floats = np.min(apart.reshape(len(p), -1), axis=1)
+    behind = range(2, p.shape[1] - 1)
+    least: Floats = np.min(dr.gaps(p, [0] * len(behind), behind, width_m=width_m), axis=-1)
     return least
 
 
 def front_gaps(p: Floats, width_m: float = 0.3) -> Floats:
     """Return the smallest gaps (m, shape (T,)) from the head's front corners to other benches; negative inside one."""
-    benches, shape = rectangles(p, width_m), (len(p), 1, p.shape[1] - 1)
-    front = benches.corners.reshape(len(p), -1, 4, 2)[:, 0, (0, 3), None]
-    seen, axis = (front - benches.centre.reshape(*shape, 2))[:, :, 2:], benches.axis.reshape(*shape, 2)[:, :, 2:]
-    ahead = np.abs(np.sum(seen * axis, axis=-1)) - benches.half_length.reshape(shape)[:, :, 2:]
+    along_m, centre = p[:, :-1] - p[:, 1:], 0.5 * (p[:, :-1] + p[:, 1:])
+    length_m = np.hypot(along_m[..., 0], along_m[..., 1])
+    axis, half_m = along_m / length_m[..., None], 0.5 * length_m + INSET_M
+    end = centre[:, 0] + axis[:, 0] * half_m[:, :1]
+    side = 0.5 * width_m * np.stack((-axis[:, 0, 1], axis[:, 0, 0]), axis=-1)
+    front = np.stack((end + side, end - side), axis=1)[:, :, None]
+    seen, axis = (front - centre[:, None])[:, :, 2:], axis[:, None, 2:]
+    ahead = np.abs(np.sum(seen * axis, axis=-1)) - half_m[:, None, 2:]
     aside = np.abs(axis[..., 0] * seen[..., 1] - axis[..., 1] * seen[..., 0]) - 0.5 * width_m
     least: Floats = np.min(np.maximum(ahead, aside), axis=(1, 2))
     return least
+
+
+def _root(f: Callable[[float], float], low: float, high: float, f_low: float, f_high: float) -> float:
+    """Return where a function changes sign, by regula falsi in the Illinois form, which halves a value that stays."""
+    kept = 0
+    for _ in range(_MOST_NEWTON):
+        if f_low == f_high or abs(high - low) < _NARROW:
+            break
+        middle = (low * f_high - high * f_low) / (f_high - f_low)
+        f_middle = f(middle)
+        if f_middle == 0:
+            return middle
+        if (f_middle < 0) == (f_low < 0):
+            low, f_low, f_high, kept = middle, f_middle, f_high * (0.5 if kept < 0 else 1.0), -1
+        else:
+            high, f_high, f_low, kept = middle, f_middle, f_low * (0.5 if kept > 0 else 1.0), 1
+    return low if abs(f_low) < abs(f_high) else high
 
 
 def first_touch_s(gap: GapAt, from_s: float = 405.0, to_s: float = 413.5) -> float:
@@ -265,7 +267,7 @@ def first_touch_s(gap: GapAt, from_s: float = 405.0, to_s: float = 413.5) -> flo
     if not ends.size:
         return inf
     around = slice(int(ends[0]), int(ends[0]) + 2)
-    return illinois(lambda t_s: float(gap(np.array([t_s]))[0]), *times[around].tolist(), *apart[around].tolist())
+    return _root(lambda t_s: float(gap(np.array([t_s]))[0]), *times[around].tolist(), *apart[around].tolist())
 
 
 def touch_s(head: Head, rule: Rule, links_m: list[float] | None = None) -> float:
@@ -276,8 +278,8 @@ def touch_s(head: Head, rule: Rule, links_m: list[float] | None = None) -> float
 
 def gap_of(dragon: dict[str, float], gap: Gap = head_gaps) -> GapAt:
     """Return the gap as a function of time, for the correct handles of a dragon with the given dimensions."""
-    scene = Scene(dragon=Dragon(FOLLOWING, **dragon))
-    return lambda times_s: gap(states(scene, times_s.tolist()).p, dragon.get('width_m', 0.3))
+    scene = dr.scene('winding', dragon={'benches': FOLLOWING, **dragon})
+    return lambda times_s: gap(dr.compile(scene).handles_m(times_s), dragon.get('width_m', 0.3))
 
 
 def stepped_touch_s(gap: GapAt, step_s: float) -> float:
@@ -330,7 +332,7 @@ def sampled_pitch_m(step_s: float) -> float:
 
 def least_pitch_m(gap: Callable[[float], float], low_m: float, high_m: float) -> float:
     """Return the pitch (m) at which a gap changes sign."""
-    return illinois(gap, low_m, high_m, gap(low_m), gap(high_m))
+    return _root(gap, low_m, high_m, gap(low_m), gap(high_m))
 
 
 def pitches_m() -> Iterator[MistakenAnswer]:
@@ -362,7 +364,7 @@ def turn_lengths_m() -> Iterator[MistakenAnswer]:
 def euler_on_turn_m(times_s: Floats, step_s: float) -> Floats:
     """Return the head's distance (m) from the entry, found by Euler steps from the circle outwards on both spirals."""
     track = turning().track
-    assert isinstance(track, STurn)
+    assert isinstance(track, dr.STurn)
     b_m = track.pitch_m / 2 / pi
     entry = track.radius_m / b_m
     after_s = np.where(times_s < 0, -times_s, np.maximum(times_s - track.length_m, 0.0))
@@ -375,26 +377,23 @@ def euler_on_turn_m(times_s: Floats, step_s: float) -> Floats:
     return metres
 
 
-def along_turn(head_m: Floats, links_m: list[float], turn: STurn) -> Floats:
+def along_turn(head_m: Floats, links_m: list[float], turn: dr.STurn) -> Floats:
     """Return handles (T, handles, 2) spaced by link lengths along the curve.
 
     ``head_m`` (T,) is the head's distance from the entry.
     """
-    track = track_of(turn)
     metres = head_m[:, None] - np.concatenate(([0.0], np.cumsum(links_m)))
-    return turn_points(metres, track)
+    return turn_points(metres, turn)
 
 
 class TurnAngle:
     """The angle along the turn, measured from the entry: the polar angle on spirals, and the arc's angle on arcs."""
 
-    def __init__(self, turn: STurn) -> None:
+    def __init__(self, turn: dr.STurn) -> None:
         """Compute the angles at which the pieces of a turn meet."""
-        track = track_of(turn)
-        arcs = [one for one in track.segments if isinstance(one, ArcSegment)]
         self._b_m, self._entry = turn.pitch_m / 2 / pi, turn.radius_m / (turn.pitch_m / 2 / pi)
-        self._joints_m = np.array(track.joints_m)
-        self._radii_m = [one.radius_m for one in arcs]
+        self._joints_m = np.array((0.0, turn.radii_m[0] * turn.angle_rad, turn.length_m))
+        self._radii_m = turn.radii_m
         self.joints = np.concatenate(([0.0], np.cumsum(np.diff(self._joints_m) / self._radii_m)))
 
     def of(self, metres: Floats) -> Floats:
@@ -419,21 +418,21 @@ class TurnAngle:
         return metres
 
 
-def turn_points(metres: Floats, track: Track) -> Floats:
+def turn_points(metres: Floats, turn: dr.STurn) -> Floats:
     """Return the points (m, shape (..., 2)) on a turn at distances (m, shape (...)) from its entry."""
-    return track.points(*track.places_at(metres, np.zeros_like(metres)))
+    return dr.design.turn_poses(turn, metres)[0]
 
 
-def grid_on_turn(head_m: Floats, links_m: list[float], turn: STurn, step: float, within_m: float,
+def grid_on_turn(head_m: Floats, links_m: list[float], turn: dr.STurn, step: float, within_m: float,
                  of_angle: bool) -> Floats:
     """Return handles (T, handles, 2) on the turn, each found by steps until its chord is within a tolerance.
 
     The steps are metres along the curve, or radians of a piece's angle; angular steps restart at the ends of a piece.
     """
-    track, angle = track_of(turn), TurnAngle(turn)
+    angle = TurnAngle(turn)
     metres = [head_m]
     for link_m in links_m:
-        short_m = _chord_behind(metres[-1], link_m - within_m, track)
+        short_m = _chord_behind(metres[-1], link_m - within_m, turn)
         if of_angle:
             at, short = angle.of(metres[-1]), angle.of(short_m)
             joints = angle.joints
@@ -445,14 +444,14 @@ def grid_on_turn(head_m: Floats, links_m: list[float], turn: STurn, step: float,
             metres.append(angle.metres(stepped))
         else:
             metres.append(metres[-1] - np.ceil((metres[-1] - short_m) / step - 1e-9) * step)
-    return turn_points(np.stack(metres, axis=-1), track)
+    return turn_points(np.stack(metres, axis=-1), turn)
 
 
-def _chord_behind(metres: Floats, chord_m: float, track: Track) -> Floats:
+def _chord_behind(metres: Floats, chord_m: float, turn: dr.STurn) -> Floats:
     """Return the distances (m, shape (T,)) along the turn of the points one chord behind, found by Newton's method."""
-    here, behind = turn_points(metres, track), metres - chord_m
+    here, behind = turn_points(metres, turn), metres - chord_m
     for _ in range(_MOST_NEWTON):
-        point, heading = track.poses(*track.places_at(behind, np.zeros_like(behind)))
+        point, heading = dr.design.turn_poses(turn, behind)
         link = here - point
         length = np.hypot(*link.T)
         change = (length - chord_m) * length / np.sum(link * heading, axis=-1)
@@ -465,8 +464,7 @@ def _chord_behind(metres: Floats, chord_m: float, track: Track) -> Floats:
 def sampled_speed_m_s(step_s: float) -> float:
     """Return the largest head speed (m/s) at which no sampled speed on the turn exceeds 2 m/s."""
     times = np.arange(0, 200 + step_s / 2, step_s).tolist()
-    velocity = velocity_of(turning(), states(turning(), times), times)
-    return 2 / float(np.max(np.hypot(velocity[..., 0], velocity[..., 1])))
+    return 2 / float(np.max(dr.compile(turning()).states(times).speed_m_s))
 
 
 def head_speeds_m_s() -> Iterator[MistakenAnswer]:

@@ -1,23 +1,18 @@
 """The paper's three tables: the printed values, the values from the paper's recipe, the true values, and the errors."""
 import json
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from itertools import groupby
+from pathlib import Path
 from typing import Any
 from unicodedata import east_asian_width
 
-import numpy as np
-
+import dragon_ros as dr
 from dragon_contest.words import WORDS
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.language import say
 from dragon_ros.cli.workbook import xlsx_of
-from dragon_ros.configuration import folder as configuration_folder
-from dragon_ros.core.batches import velocity_of
-from dragon_ros.core.chain.chain import Chain
-from dragon_ros.core.scene import Scene
-from dragon_ros.core.step import state
 
 _LABEL, _KIND, _CELL = 20, 11, 12       # number of terminal columns per value
 
@@ -42,7 +37,7 @@ class PrintedNumber:
 
 def cells() -> list[PrintedNumber]:
     """Return every printed number of the three tables."""
-    printed = json.loads((configuration_folder() / 'paper' / 'tables.json').read_text(encoding='utf-8'))
+    printed = json.loads(Path(__file__).with_name('paper_tables.json').read_text(encoding='utf-8'))
     late = printed['table3_reconstructed_time_s']
     out = [_cell(1, handle, quantity, t_s, row[t_s][quantity])
            for handle, row in printed['table1'].items() for quantity in 'xy' for t_s in row]
@@ -118,15 +113,13 @@ def six_decimals(value: float) -> str:
 
 
 def _value(tier: str, t_s: float, handle: int, quantity: str) -> float:
-    chain, speed = _state(tier, t_s)
-    return float(speed[handle]) if quantity == 'v' else float(chain.p[handle, 'xy'.index(quantity)])
+    motion = _state(tier, t_s)
+    return float(motion.speed_m_s[handle] if quantity == 'v' else motion.handles_m[handle, 'xy'.index(quantity)])
 
 
 @lru_cache(maxsize=32)
-def _state(tier: str, t_s: float) -> tuple[Chain, Any]:
-    scene = replace(Scene(), accuracy=tier)
-    chain = state(scene, t_s)
-    return chain, np.hypot(*velocity_of(scene, chain, t_s).T)
+def _state(tier: str, t_s: float) -> dr.Motion:
+    return dr.compile(dr.scene('winding', accuracy=tier)).state(t_s)
 
 
 FORMATS: dict[str, Callable[[list[PrintedNumber]], str | bytes]] = {

@@ -3,19 +3,14 @@ import csv
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
-from io import TextIOWrapper
+from io import BytesIO, StringIO
 from pathlib import Path
 
 import numpy as np
 
-from dragon_ros.bags.write.whole_file import whole_or_none
-from dragon_ros.core.batches import states, velocity_of
-from dragon_ros.core.errors import InputError, MissingError
-from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.scene import Scene
-from dragon_ros.core.search.certificate import Contact
-from dragon_ros.core.search.first_contact import first_contact
-from dragon_ros.core.tracks.spec import STurn
+import dragon_ros as dr
+from dragon_contest.arrays import Floats
+from dragon_ros.cli import command_line
 
 POSITION, SPEED = '位置', '速度'
 ENDS = ('龙头', '龙尾（后）')
@@ -39,34 +34,34 @@ def handle_names(benches: int) -> list[str]:
     return ['龙头', *(f'第{n}节龙身' for n in range(1, benches - 1)), '龙尾', '龙尾（后）'][-(benches + 1):]
 
 
-def result_1(scene: Scene) -> list[ResultSheet]:
+def result_1(scene: dr.Scene) -> list[ResultSheet]:
     """Return positions and speeds at 0, 1, ... 300 s."""
     times = [float(t_s) for t_s in range(_FIRST_S, _LAST_S + 1)]
     return _by_time(scene, times, times)
 
 
-def result_2(scene: Scene) -> list[ResultSheet]:
+def result_2(scene: dr.Scene) -> list[ResultSheet]:
     """Return positions and speeds at the first contact. Raises InputError if there is no contact."""
-    found = first_contact(scene)
-    if not isinstance(found, Contact):
-        raise InputError('--contest: result2 needs a first contact, which this scene does not have; choose a scene '
+    found = dr.compile(scene).contact()
+    if not isinstance(found, dr.Contact):
+        raise dr.InputError('--contest: result2 needs a first contact, which this scene does not have; choose a scene '
                          'such as winding')
     p, speed = _state(scene, [found.t_s])
     return [ResultSheet('Sheet1', 'result2', ('横坐标x (m)', '纵坐标y (m)', '速度 (m/s)'),
                         tuple(handle_names(scene.dragon.benches)), np.column_stack((p[0], speed[0])))]
 
 
-def result_4(scene: Scene) -> list[ResultSheet]:
+def result_4(scene: dr.Scene) -> list[ResultSheet]:
     """Return positions and speeds at -100, -99, ... 100 s, counted from the start of the turn."""
     track = scene.track
-    if not isinstance(track, STurn):
-        raise InputError('--contest: result4 needs a scene with track.kind turn')
+    if not isinstance(track, dr.STurn):
+        raise dr.InputError('--contest: result4 needs a scene with track.kind turn')
     shown = [float(t_s) for t_s in range(-_BEFORE_S, _BEFORE_S + 1)]
     entry_s = track.before_m / scene.steady_m_s
     return _by_time(scene, [entry_s + t_s for t_s in shown], shown)
 
 
-def _by_time(scene: Scene, times_s: list[float], shown_s: list[float]) -> list[ResultSheet]:
+def _by_time(scene: dr.Scene, times_s: list[float], shown_s: list[float]) -> list[ResultSheet]:
     p, speed = _state(scene, times_s)
     names = handle_names(scene.dragon.benches)
     columns = tuple(f'{t_s:g} s' for t_s in shown_s)
@@ -80,14 +75,14 @@ def _speed_row(name: str) -> str:
     return f'{name} (m/s)' if name in ENDS else f'{name}  (m/s)'
 
 
-def _state(scene: Scene, times_s: list[float]) -> tuple[Floats, Floats]:
+def _state(scene: dr.Scene, times_s: list[float]) -> tuple[Floats, Floats]:
     """Return handles (m, shape (M, N+1, 2)) and speeds (m/s, shape (M, N+1))."""
-    chain = states(scene, times_s)
-    velocity = velocity_of(scene, chain, times_s)
-    return chain.p, np.hypot(velocity[..., 0], velocity[..., 1])
+    motion = dr.compile(scene).states(times_s)
+    return motion.handles_m, motion.speed_m_s
 
 
-def write(folder: Path, wound: Scene, turning: Scene, progress: Callable[[], object] = lambda: None) -> list[Path]:
+def write(folder: Path, wound: dr.Scene, turning: dr.Scene, progress: Callable[[], object] = lambda: None,
+          ) -> list[Path]:
     """Write all results to a folder and return the paths; XLSX files are written only if openpyxl is installed.
 
     ``progress()`` is called after each of the 3 results and each of up to 8 files.
@@ -108,7 +103,7 @@ def write(folder: Path, wound: Scene, turning: Scene, progress: Callable[[], obj
             paths.append(_write_xlsx(folder / f'{name}.xlsx', sheets))
             progress()
     except OSError as error:
-        raise MissingError(f'--contest {folder}: cannot be written: {error.strerror}') from None
+        raise dr.MissingError(f'--contest {folder}: cannot be written: {error.strerror}') from None
     return paths
 
 
@@ -120,12 +115,12 @@ def _rounded(sheet: ResultSheet) -> Floats:
 
 def _write_csv(folder: Path, name: str, sheet: ResultSheet) -> Path:
     path = folder / (f'{name}.csv' if sheet.file == name else f'{name}_{sheet.file}.csv')
-    # Without the BOM, Excel assumes GBK.
-    with (whole_or_none(path, overwrite=True) as raw, TextIOWrapper(raw, encoding='utf-8-sig', newline='') as file):
-        writer = csv.writer(file, lineterminator='\n')
-        writer.writerow(('', *sheet.columns))
-        writer.writerows([name, *(f'{value:.6f}' for value in values)]
-                         for name, values in zip(sheet.rows, _rounded(sheet).tolist(), strict=True))
+    text = StringIO(newline='')
+    writer = csv.writer(text, lineterminator='\n')
+    writer.writerow(('', *sheet.columns))
+    writer.writerows([name, *(f'{value:.6f}' for value in values)]
+                     for name, values in zip(sheet.rows, _rounded(sheet).tolist(), strict=True))
+    _write(path, text.getvalue().encode('utf-8-sig'))        # without the BOM, Excel assumes GBK
     return path
 
 
@@ -142,6 +137,12 @@ def _write_xlsx(path: Path, sheets: list[ResultSheet]) -> Path:
         for row in page.iter_rows(2, min_col=2):
             for cell in row:
                 cell.number_format = '0.000000'
-    with whole_or_none(path, overwrite=True) as file:
-        book.save(file)
+    data = BytesIO()
+    book.save(data)
+    _write(path, data.getvalue())
     return path
+
+
+def _write(path: Path, data: bytes) -> None:
+    """Write a file. Raises MissingError."""
+    command_line.write_output(path, data, '--contest')

@@ -2,6 +2,7 @@
 import sys
 from argparse import Namespace
 
+import dragon_ros as dr
 from dragon_contest.words import WORDS
 from dragon_ros.cli import command_line
 from dragon_ros.cli.language import language_of, say
@@ -24,10 +25,9 @@ def _paper(arguments: Namespace) -> int:
 
 def _contest(arguments: Namespace) -> int:
     from dragon_contest import result_files
-    from dragon_ros.scenes.load import load_scene
     scene = command_line.scene_from(arguments)
     with Progress('contest', 'steps', 11) as bar:
-        paths = result_files.write(arguments.contest, scene, load_scene('turning'), bar.update)
+        paths = result_files.write(arguments.contest, scene, dr.scene('turning'), bar.update)
     command_line.write_output(None, '\n'.join(map(str, paths)))
     if not any(path.suffix == '.xlsx' for path in paths):
         print(say(WORDS, 'no_xlsx', language_of(arguments.lang)), file=sys.stderr)

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
         Clearance,
         Contact,
         DiskError,
+        Dragon,
         DragonError,
         FieldError,
         InputError,
@@ -19,10 +20,14 @@ if TYPE_CHECKING:
         ModelEnd,
         Motion,
         NoContact,
+        Run,
         Scene,
         Simulated,
+        Spiral,
+        STurn,
         compile,  # noqa: A004
         design,
+        gaps,
         plot,
         read_bag,
         scene,
@@ -31,9 +36,9 @@ if TYPE_CHECKING:
     )
     from dragon_ros.version import __version__ as __version__
 
-__all__ = ['Bag', 'Clearance', 'Contact', 'DiskError', 'DragonError', 'FieldError', 'InputError', 'MissingError',
-           'ModelEnd', 'Motion', 'NoContact', 'Scene', 'Simulated', 'compile', 'design', 'plot', 'read_bag', 'scene',
-           'scene_from', 'scene_values']
+__all__ = ['Bag', 'Clearance', 'Contact', 'DiskError', 'Dragon', 'DragonError', 'FieldError', 'InputError',
+           'MissingError', 'ModelEnd', 'Motion', 'NoContact', 'Run', 'STurn', 'Scene', 'Simulated', 'Spiral', 'compile',
+           'design', 'gaps', 'plot', 'read_bag', 'scene', 'scene_from', 'scene_values']
 
 
 def __getattr__(name: str) -> Any:

@@ -35,11 +35,11 @@ from dragon_ros.core.geometry.rectangles import axes_of, benches_of, corner_leve
 from dragon_ros.core.geometry.venue import surroundings_of
 from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.numerics.types import Floats, read_only
-from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.scene import NS, Run, Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import state, tick
-from dragon_ros.core.tracks.spec import STurn
+from dragon_ros.core.tracks.spec import Spiral, STurn
 from dragon_ros.core.words import counted
 from dragon_ros.scenes.load import changed_scene, scene_of
 from dragon_ros.scenes.load import scene_values as values_of_scene
@@ -57,9 +57,9 @@ if TYPE_CHECKING:
     from dragon_ros.core.tracks.s_turn import TurnAnswer
 
 Progress = Callable[[int], object]
-__all__ = ['Bag', 'Clearance', 'Contact', 'DiskError', 'DragonError', 'FieldError', 'InputError', 'MissingError',
-           'ModelEnd', 'Motion', 'NoContact', 'Scene', 'Simulated', 'compile', 'design', 'plot', 'read_bag', 'scene',
-           'scene_from', 'scene_values']
+__all__ = ['Bag', 'Clearance', 'Contact', 'DiskError', 'Dragon', 'DragonError', 'FieldError', 'InputError',
+           'MissingError', 'ModelEnd', 'Motion', 'NoContact', 'Run', 'STurn', 'Scene', 'Simulated', 'Spiral', 'compile',
+           'design', 'gaps', 'plot', 'read_bag', 'scene', 'scene_from', 'scene_values']
 _DPI = 72       # width of a scene's picture in Jupyter
 
 
@@ -229,6 +229,10 @@ class Simulated:
         return Motion(np.array(times), chain.p, velocity_of(self.scene, chain, times, velocity),
                       self.simulation.promise_m)
 
+    def handles_m(self, times_s: Sequence[float] | Floats) -> Floats:
+        """Return the handles (m, shape (times, N+1, 2)) at many times, without computing velocities."""
+        return states(self.scene, _times(times_s)).p
+
     def batches(self, times_s: Sequence[float] | Floats, size: int | None = None) -> Iterator[Motion]:
         """Yield all handles at many times, in batches of ``size`` times (by default, as many as fit into a cache).
 
@@ -294,6 +298,25 @@ class Simulated:
     def _repr_svg_(self) -> str:
         """Return an SVG picture for Jupyter."""
         return _svg(self)
+
+
+def gaps(handles_m: Floats, first: Sequence[int], second: Sequence[int], *, width_m: float = 0.3,
+         inset_m: float = 0.275) -> Floats:
+    """Return the signed gaps (m, shape (..., pairs)) between benches at given handles (m, shape (..., N+1, 2)).
+
+    Bench k connects the handles k and k + 1, extends ``inset_m`` beyond both and is ``width_m`` wide. ``first`` and
+    ``second`` are the benches of each pair. A gap is negative if the benches overlap.
+    """
+    from dragon_ros.core.geometry.rectangles import Benches
+    from dragon_ros.core.geometry.signed_distance import gaps as signed_gaps
+    along = (handles_m[..., :-1, :] - handles_m[..., 1:, :]).reshape(-1, 2)
+    length_m, count = np.hypot(*along.T), handles_m.shape[-2] - 1
+    benches = Benches(0.5 * (handles_m[..., :-1, :] + handles_m[..., 1:, :]).reshape(-1, 2), along / length_m[:, None],
+                      0.5 * length_m + inset_m, np.full(length_m.size, 0.5 * width_m))
+    start = np.arange(length_m.size // count)[:, None] * count
+    apart = signed_gaps(benches, (start + np.asarray(first)).ravel(), (start + np.asarray(second)).ravel())
+    out: Floats = apart.reshape(*handles_m.shape[:-2], len(first))
+    return out
 
 
 class Bag:
@@ -466,6 +489,16 @@ class Design:
             raise FieldError('track.kind', scene_values(given)['track']['kind'], 'its track has no S-turn',
                              "give a scene whose track.kind is turn, such as dr.scene('turning')")
         return turn_answer(given.track, least_radius_m(given.dragon.link_lengths_m))
+
+    @staticmethod
+    def turn_poses(turn: STurn, along_m: Sequence[float] | Floats) -> tuple[Floats, Floats]:
+        """Return points (m, shape (..., 2)) and unit headings on an S-turn, with its spirals.
+
+        ``along_m`` (...) are distances along the track from the entry; they are negative before it.
+        """
+        from dragon_ros.core.tracks.composite import track_of
+        track, metres = track_of(turn), np.asarray(along_m, dtype=np.float64)
+        return track.poses(*track.places_at(metres, np.zeros_like(metres)))
 
 
 design = Design()

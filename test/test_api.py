@@ -259,3 +259,29 @@ def test_buffers_that_overlap_are_refused():
 def test_errors_name_arguments_and_not_the_options_of_commands(bag, tmp_path):
     with pytest.raises(dr.InputError, match='none in namespace left'):
         dr.read_bag(bag, namespace='left')
+
+
+def test_handles_alone_are_those_of_states():
+    run = dr.compile(dr.scene('winding', dragon={'benches': 20}))
+    np.testing.assert_array_equal(run.handles_m([0.0, 7.5]), run.states([0.0, 7.5]).handles_m)
+
+
+def test_gaps_vanish_at_the_contact_and_have_a_sign():
+    run = dr.compile(dr.scene('winding'))
+    found = run.contact()
+    p = run.handles_m([found.t_s - 0.1, found.t_s, found.t_s + 0.1])
+    first, second = found.benches
+    apart = dr.gaps(p, [first, second, 0], [second, first, 20])
+    assert apart.shape == (3, 3)
+    assert apart[0, 0] > 1e-3 > 1e-8 > abs(apart[1, 0]) > 0 > -1e-3 > apart[2, 0]
+    np.testing.assert_allclose(apart[:, 0], apart[:, 1], atol=1e-12)
+    assert (apart[:, 2] > 0.5).all()
+    wide = dr.gaps(p[1], [first], [second], width_m=0.5)
+    assert (wide.shape, bool(wide < -0.1)) == ((1,), True)
+
+
+def test_a_turn_is_walked_from_its_entry():
+    scene = dr.scene('turning')
+    points, headings = dr.design.turn_poses(scene.track, [-100.0, 0.0, 13.0, 100.0])
+    np.testing.assert_allclose(points, dr.compile(scene).handles_m([0.0, 100.0, 113.0, 200.0])[:, 0], atol=1e-11)
+    np.testing.assert_allclose(np.hypot(*headings.T), 1.0, atol=1e-14)

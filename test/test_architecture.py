@@ -144,12 +144,16 @@ def test_the_package_names_the_packages_beside_it_in_one_list_alone():
     assert files == {PACKAGE / 'guests.py'}
 
 
-def test_studies_use_what_a_stranger_s_package_may_use_and_their_own_libraries():
-    for path in (ROOT / 'dragon_studies').glob('*.py'):
+@pytest.mark.parametrize('guest', GUESTS)
+def test_a_package_beside_it_uses_the_public_api_and_the_parts_of_command_lines_alone(guest):
+    """It writes ``import dragon_ros``, so that it has public names only, and imports from ``dragon_ros.cli``."""
+    for path in (ROOT / guest).rglob('*.py'):
         for name in imports(path):
-            top, *rest = name.split('.')
-            assert top in {'dragon_ros', 'dragon_studies', *GUESTS['dragon_studies'], *sys.stdlib_module_names}, path
-            assert top != 'dragon_ros' or rest[:1] in ([], ['cli']), f'{path} imports {name}'
+            assert name == 'dragon_ros' or name.startswith((guest, 'dragon_ros.cli')) or (
+                name.split('.')[0] in GUESTS[guest] | sys.stdlib_module_names), f'{path} imports {name}'
+        used = {node.attr for node in ast.walk(ast.parse(path.read_text())) if isinstance(node, ast.Attribute)
+                and isinstance(node.value, ast.Name) and node.value.id == 'dr'}
+        assert used <= {*dragon_ros.__all__, '__version__'}, path
 
 
 WITHOUT_GUESTS = """
@@ -346,7 +350,7 @@ def test_a_wheel_puts_executables_in_lib_alone_and_carries_every_config(tmp_path
     assert 'share/dragon_ros/launch/dragon.launch.py' in data
     web = {path.relative_to(ROOT).as_posix() for path in (PACKAGE / 'commands' / 'view' / 'web').iterdir()}
     assert web <= set(names)
-    assert 'dragon_contest/grade/report.css' in names
+    assert {'dragon_contest/grade/report.css', 'dragon_contest/paper_tables.json'} <= set(names)
     packages = {path.parent.relative_to(ROOT).as_posix() for name in ('dragon_ros', *GUESTS)
                 for path in (ROOT / name).rglob('*.py')}
     modules = [name for name in names if name.split('/')[0] in ('dragon_ros', *GUESTS) and name.endswith('.py')]

@@ -98,7 +98,7 @@ SUBSTITUTES = {
                                     'a small picture outside docs/pictures'),
     './dragon plot clearance --dpi': ('plot clearance --set run.start_s=400 --dpi 30 --output clearance.png',
                                       'a small picture outside docs/pictures'),
-    'python3 test/commands/browser.py': (None, 'requires Chromium; test/commands/test_view.py uses it'),
+    'python3 test/browser.py': (None, 'requires Chromium; test/commands/test_view.py uses it'),
     'pdftoppm': (None, 'converts pages to pictures'),
     'pip install': (None, 'requires the network'),
     'jupyter lab': (None, 'runs until Ctrl-C; test/test_notebooks.py runs the notebooks'),

@@ -5,11 +5,10 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import dragon_ros as dr
 from dragon_ros.cli import command_line
 from dragon_ros.cli.language import add_lang_option, language_of
 from dragon_ros.cli.progress import Progress
-from dragon_ros.core.errors import InputError
-from dragon_ros.core.words import counted
 
 if TYPE_CHECKING:       # imported lazily, so that --help does not load numpy
     from dragon_contest.grade.team import Team, TeamGrade
@@ -54,6 +53,7 @@ def _run(arguments: Namespace) -> int:
     mark = '\ufeff' if form == 'csv' and arguments.output is not None else ''       # without it, Excel assumes GBK
     command_line.write_output(arguments.output, mark + content)
     if not complete:
+        from dragon_ros.cli.inputs import counted
         print(f'grade: interrupted: {len(grades)} of {counted(len(teams), "team", "was")} graded', file=sys.stderr)
         return command_line.FAILED
     if arguments.output is not None:
@@ -83,12 +83,12 @@ def _format_of(arguments: Namespace) -> str:
     suffix = {'.html': 'html', '.htm': 'html', '.json': 'json', '.csv': 'csv', '.txt': 'text'}
     of_output = None if arguments.output is None else suffix.get(arguments.output.suffix.lower())
     if arguments.output is not None and of_output is None and arguments.output.suffix:
-        raise InputError(f'--output {arguments.output}: the suffix must be .html, .json, .csv or .txt; rename it')
+        raise dr.InputError(f'--output {arguments.output}: the suffix must be .html, .json, .csv or .txt; rename it')
     if arguments.format and of_output and arguments.format != of_output:
-        raise InputError(f'--format {arguments.format}: it contradicts --output {arguments.output}; omit one of them')
+        raise dr.InputError(f'--format {arguments.format}: it contradicts --output {arguments.output}; omit one')
     form = str(arguments.format or of_output or 'text')
     if form == 'html' and arguments.output is None:
-        raise InputError('--format html: this format can only be written to a file; give --output report.html')
+        raise dr.InputError('--format html: this format can only be written to a file; give --output report.html')
     return form
 
 
@@ -96,15 +96,15 @@ def _teams(arguments: Namespace) -> 'list[Team]':
     """Return the teams with their answers. Raises InputError."""
     from dragon_contest.grade.folders import teams_of
     from dragon_contest.grade.team import Team, teams_in
-    from dragon_ros.core.checks import number
+    from dragon_ros.cli.inputs import number
     given = {key: number(option, value, above=0.0, high=1e6) for key, option in _ANSWERS.items()
              if (value := getattr(arguments, option[2:])) is not None}
     if not arguments.paths and not given and arguments.answers is None:
-        raise InputError('grade: no input; give workbooks, a folder, or an answer such as --t 412.473838')
+        raise dr.InputError('grade: no input; give workbooks, a folder, or an answer such as --t 412.473838')
     teams = (teams_of(arguments.paths) if arguments.paths else [Team('answers', [])] if arguments.answers is None else
              teams_in(arguments.answers))
     if given and len(teams) > 1:
-        raise InputError(f'{_ANSWERS[next(iter(given))]}: it is the answer of one team, but {len(teams)} teams are '
+        raise dr.InputError(f'{_ANSWERS[next(iter(given))]}: it is the answer of one team, but {len(teams)} teams are '
                          'given; give --answers FILE with the answers of each team')
     if arguments.answers is not None and arguments.paths:
         _add_answers(teams, arguments.answers)
@@ -122,7 +122,8 @@ def _add_answers(teams: 'list[Team]', path: Path) -> None:
     by_team = answers_by_team(path)
     unknown = sorted(by_team.keys() - {team.name for team in teams})
     if unknown:
-        raise InputError(f'{path}: {unknown[0]} is not one of the given teams, the first of which is {teams[0].name}')
+        raise dr.InputError(f'{path}: {unknown[0]} is not one of the given teams, the first of which is '
+                            f'{teams[0].name}')
     for team in teams:
         team.answers = by_team.get(team.name, {})
 

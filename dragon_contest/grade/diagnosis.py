@@ -14,7 +14,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+import dragon_ros as dr
 from dragon_contest import mistakes
+from dragon_contest.arrays import Floats, Ints
 from dragon_contest.grade.layout import HANDLES
 from dragon_contest.grade.truth import (
     TrueStates,
@@ -38,12 +40,6 @@ from dragon_contest.mistakes import (
     points,
     solved,
 )
-from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.errors import DragonError
-from dragon_ros.core.numerics.types import Floats, Ints
-from dragon_ros.core.step import state
-from dragon_ros.core.tracks.composite import track_of
-from dragon_ros.core.tracks.spec import STurn
 
 Booleans = NDArray[np.bool_]
 EXPLAINED = 0.99        # smallest share of the squared error that a reported mistake must explain
@@ -666,7 +662,7 @@ def _within_of(off: Floats, before: Floats, noise_m: float) -> float | None:
 @cache
 def _paper_at(times_s: tuple[float, ...]) -> Floats:
     scene = replace(mistakes.winding(), accuracy='paper')
-    return np.stack([state(scene, t_s).p for t_s in times_s])
+    return np.stack([dr.compile(scene).state(t_s).handles_m for t_s in times_s])
 
 
 def _as_paper(times_s: Floats, given: Floats, right: Floats) -> Diagnosis | None:
@@ -747,7 +743,7 @@ def _turned(result: str, times_s: Floats, given: Floats, right: Floats, digits: 
     if np.nanpercentile(np.abs(off), 99.5) > noise_m:
         constant = constant_links(off, noise_m)
         if constant is None and not (findings and findings[0].key in ('head_unknown', 'circle_before')):
-            for finding, laid in _turn_links(head_m, given, off, track or STurn(), noise_m):
+            for finding, laid in _turn_links(head_m, given, off, track or dr.STurn(), noise_m):
                 explains = share(given, laid if digits is None else np.round(laid, digits), right)
                 if explains >= EXPLAINED:
                     return Diagnosis([*findings, finding], explains)
@@ -764,10 +760,10 @@ def _turned(result: str, times_s: Floats, given: Floats, right: Floats, digits: 
     if findings and findings[0].key in ('head_unknown', 'circle_before'):
         return _unknown(findings)
     try:
-        dragon = Dragon(head_length_m=links[0] + 0.55, body_length_m=links[1] + 0.55)
+        dragon = dr.Dragon(head_length_m=links[0] + 0.55, body_length_m=links[1] + 0.55)
         scene, offset_s = turned_scene(dragon, track)
         remade, speeds = state_at(scene, head_m + offset_s)
-    except DragonError:         # no dragon has such links, or the arcs are too tight for them
+    except dr.DragonError:         # no dragon has such links, or the arcs are too tight for them
         return _unknown(findings)
     explains = share(given, remade if digits is None else np.round(remade, digits), right)
     if explains < EXPLAINED and not findings and (loose := _loose_root(given, right)) is not None:
@@ -777,7 +773,7 @@ def _turned(result: str, times_s: Floats, given: Floats, right: Floats, digits: 
         _unknown(findings, explains))
 
 
-def _turn_links(head_m: Floats, given: Floats, off: Floats, turn: STurn, noise_m: float,
+def _turn_links(head_m: Floats, given: Floats, off: Floats, turn: dr.STurn, noise_m: float,
                 ) -> Iterator[tuple[Finding, Floats]]:
     """Yield the rules for the next handle on the turn: links along the curve, and grids of steps."""
     yield Finding('turn_along', {}), mistakes.along_turn(head_m, links_of(), turn)
@@ -798,9 +794,8 @@ def _turn_links(head_m: Floats, given: Floats, off: Floats, turn: STurn, noise_m
         if step is None:
             continue
         before_m = angle.metres(at[:, 1:] + step) if of_angle else at[:, 1:] + step
-        track = track_of(turn)
-        last_but_one = np.hypot(*np.moveaxis(mistakes.turn_points(before_m, track)
-                                             - mistakes.turn_points(metres[:, :-1], track), -1, 0)) - links_of()
+        last_but_one = np.hypot(*np.moveaxis(mistakes.turn_points(before_m, turn)
+                                             - mistakes.turn_points(metres[:, :-1], turn), -1, 0)) - links_of()
         within = _within_of(off[one], last_but_one[one], noise_m)
         if within is not None:
             key = ('' if of_angle else 'turn_') + ('grid' if within else 'grid_past')
@@ -808,13 +803,13 @@ def _turn_links(head_m: Floats, given: Floats, off: Floats, turn: STurn, noise_m
                 head_m, links_of(), turn, step, within, of_angle)
 
 
-def _along_track(given: Floats, head_m: Floats, turn: STurn) -> tuple[Floats, float]:
+def _along_track(given: Floats, head_m: Floats, turn: dr.STurn) -> tuple[Floats, float]:
     """Return distances (m, shape (T, N+1)) of handles along the turn from its entry, and their rms distance from it."""
-    track, metres, aside = track_of(turn), [head_m], [np.zeros_like(head_m)]
+    metres, aside = [head_m], [np.zeros_like(head_m)]
     for handle in range(1, given.shape[1]):
         at = metres[-1] - np.hypot(*(given[:, handle] - given[:, handle - 1]).T)
         for _ in range(8):
-            point, heading = track.poses(*track.places_at(at, np.zeros_like(at)))
+            point, heading = dr.design.turn_poses(turn, at)
             apart = given[:, handle] - point
             ahead_m = np.sum(apart * heading, axis=-1)
             at = at + ahead_m
@@ -825,9 +820,9 @@ def _along_track(given: Floats, head_m: Floats, turn: STurn) -> tuple[Floats, fl
     return np.stack(metres, axis=-1), float(np.sqrt(np.mean(np.square(aside))))
 
 
-def _turn_head(metres: Floats, track: STurn | None) -> Floats:
+def _turn_head(metres: Floats, track: dr.STurn | None) -> Floats:
     """Return the points (m, shape (T, 2)) of a head at distances (m, shape (T,)) from the entry of a turn."""
-    return mistakes.turn_points(metres, track_of(track or STurn()))
+    return mistakes.turn_points(metres, track or dr.STurn())
 
 
 def _turn_euler(times_s: Floats, head: Floats, right: Floats) -> tuple[Finding, Floats] | None:
@@ -844,7 +839,7 @@ def _turn_euler(times_s: Floats, head: Floats, right: Floats) -> tuple[Finding, 
 
 _TURN_STARTS: dict[str, tuple[float, ...]] = {'shift': (0.0, 100.0, -100.0), 'speed': (1.0,), 'ratio': (2.0, 1.0, 3.0),
                                               'diameter': (9.0,), 'pitch': (1.7,)}
-Turn = tuple[Finding, STurn | None, float, float]
+Turn = tuple[Finding, dr.STurn | None, float, float]
 
 
 def _turn_fit(times_s: Floats, head: Floats, right: Floats) -> Turn | None:
@@ -861,7 +856,7 @@ def _turn_fit(times_s: Floats, head: Floats, right: Floats) -> Turn | None:
             break
         try:
             explains, fitted = _fitted(name, value, circle, times, wanted, right[some])
-        except DragonError:     # such a turn is impossible
+        except dr.DragonError:     # such a turn is impossible
             continue
         if explains > best[0] + 1e-6:
             best = explains, name, fitted, circle
@@ -877,19 +872,19 @@ def _before_turn(times_s: Floats, head: Floats, noise_m: float) -> Finding:
     """Return a finding about the circle that the head approaches, if its motion up to the entry is correct."""
     for circle_m in _circles_m(times_s, head):
         before = times_s < 0
-        remade = _turn_head(times_s[before], STurn(diameter_m=circle_m))
+        remade = _turn_head(times_s[before], dr.STurn(diameter_m=circle_m))
         if _worst(head[before], remade) <= max(noise_m, 1e-5):
             return Finding('circle_before', {'diameter': circle_m})
     return Finding('head_unknown', {})
 
 
-def _turn_of(name: str, value: float, circle_m: float) -> tuple[STurn | None, float, float]:
+def _turn_of(name: str, value: float, circle_m: float) -> tuple[dr.STurn | None, float, float]:
     """Return the track, the time shift (s) and the speed (m/s) for one value of a parameter."""
     if name in ('shift', 'speed'):
         return None, value if name == 'shift' else 0.0, value if name == 'speed' else 1.0
     if name == 'both':
-        return STurn(diameter_m=circle_m, ratio=value), 0.0, 1.0
-    return STurn(**{{'ratio': 'ratio', 'diameter': 'diameter_m', 'pitch': 'pitch_m'}[name]: value}), 0.0, 1.0
+        return dr.STurn(diameter_m=circle_m, ratio=value), 0.0, 1.0
+    return dr.STurn(**{{'ratio': 'ratio', 'diameter': 'diameter_m', 'pitch': 'pitch_m'}[name]: value}), 0.0, 1.0
 
 
 def _fitted(name: str, value: float, circle_m: float, times: Floats, wanted: Floats, right: Floats,
@@ -914,7 +909,7 @@ def _circles_m(times: Floats, head: Floats) -> tuple[float, ...]:
     before = (times < 0) & np.isfinite(head).all(axis=1)
     if not before.any():
         return ()
-    b_m = STurn.pitch_m / 2 / pi
+    b_m = dr.STurn.pitch_m / 2 / pi
     theta = np.hypot(head[before, 0], head[before, 1]) / b_m
     left = arc_length(theta) + times[before] / b_m
     circle_m = 2 * b_m * float(np.median(mistakes.inverted(arc_length, left)))

@@ -8,11 +8,11 @@ from os import cpu_count
 from pathlib import Path
 from threading import Event
 
+import dragon_ros as dr
 from dragon_contest.grade.reading import CSV_SUFFIXES
 from dragon_contest.grade.team import Problem, Team, TeamGrade, grade_team, named_result
+from dragon_contest.limits import GRADED_BOOKS
 from dragon_ros.cli.signals import interrupts_blocked
-from dragon_ros.core.errors import InputError, MissingError
-from dragon_ros.core.limits import GRADED_BOOKS
 
 _BOOKS = ('.xlsx', '.xlsm', '.xls', '.xlsb', '.xltx')
 _ANSWERS = ('.yaml', '.yml')
@@ -29,18 +29,19 @@ def teams_of(paths: list[Path]) -> list[Team]:
 
     The given files form one team. In a given folder, each subfolder is a team, also one without results; files in one
     folder belong to several teams if their names differ in more than the number of the result. Raises InputError or
-    MissingError.
+    dr.MissingError.
     """
     missing = [path for path in paths if not path.exists()]
     if missing:
-        raise MissingError(f'{missing[0]}: it does not exist; give workbooks, or a folder with one subfolder per team')
+        raise dr.MissingError(f'{missing[0]}: it does not exist; give workbooks, or a folder with one subfolder per '
+                              'team')
     files = [path for path in paths if not path.is_dir()]
     teams = _split(_key(files[0].stem) or files[0].resolve().parent.name or 'team', files) if files else []
     for path in paths:
         if path.is_dir():
             teams += _Walk(path).teams()
     if not teams:
-        raise InputError(f'{paths[0]}: it contains no workbook (.xlsx); give result1.xlsx, result2.xlsx, '
+        raise dr.InputError(f'{paths[0]}: it contains no workbook (.xlsx); give result1.xlsx, result2.xlsx, '
                          f'result4.xlsx, or a folder with one subfolder per team')
     return teams
 
@@ -92,7 +93,8 @@ class _Walk:
         books += [one for one in tables if not books or named_result(one.stem)]
         self._room -= len(books)
         if self._room < 0:
-            raise InputError(f'{self._root}: it contains more than {GRADED_BOOKS} workbooks; grade the folder in parts')
+            raise dr.InputError(f'{self._root}: it contains more than {GRADED_BOOKS} workbooks; grade the folder in '
+                                'parts')
         answers = [one for one in files if _is(one, _ANSWERS) or one.name.lower() == 'answers.json']
         if not books and not answers:
             return []

@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import NamedTuple, cast
 from xml.etree import ElementTree
 
+import dragon_ros as dr
 from dragon_contest.grade.words import sentence
-from dragon_ros.core.errors import InputError
-from dragon_ros.core.limits import (
+from dragon_contest.limits import (
     BOOK_BYTES,
     BOOK_CELLS,
     BOOK_COLUMNS,
@@ -62,7 +62,7 @@ _SIZES = 64 * 1024
 _DECIMAL_COMMA = re.compile(r'[+-]?\d+,\d+')
 
 
-class Refused(InputError):
+class Refused(dr.InputError):
     """A file that cannot be read: the key of the reason in ``words``, and the parameters of its sentence."""
 
     def __init__(self, path: Path, key: str, **parameters: object) -> None:
@@ -101,7 +101,7 @@ def read_book(path: Path) -> list[WorkbookSheet]:
         named = dict(files)
         return [WorkbookSheet(name, rows, merged.get(named.get(name, ''), ()))
                 for name, rows in _read(path, _plain(parts))]
-    except InputError:
+    except dr.InputError:
         raise
     except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, LookupError, NotImplementedError, OSError,
             OverflowError, RuntimeError, ValueError, ElementTree.ParseError) as error:
@@ -317,7 +317,7 @@ def _read(path: Path, plain: BytesIO) -> list[tuple[str, list[list[Cell]]]]:
     """Return the names and rows of the sheets, as read by the fastest reader. Raises Refused if the reader fails."""
     try:
         return _by_calamine(plain) if find_spec('python_calamine') else _by_openpyxl(path, plain)
-    except (InputError, KeyboardInterrupt, SystemExit, MemoryError):
+    except (dr.InputError, KeyboardInterrupt, SystemExit, MemoryError):
         raise
     except BaseException as error:  # noqa: BLE001 - a reader raises whatever its XML library does; Rust panics, too
         raise Refused(path, 'not_a_book', said=_said(error)) from None
@@ -334,7 +334,7 @@ def _by_openpyxl(path: Path, plain: BytesIO) -> list[tuple[str, list[list[Cell]]
     try:
         from openpyxl import load_workbook
     except ImportError:
-        raise InputError("xlsx: no reader is installed: pip install 'dragon_ros[xlsx]'") from None
+        raise dr.InputError("xlsx: no reader is installed: pip install 'dragon_ros[xlsx]'") from None
     book = load_workbook(plain, read_only=True, data_only=True, keep_links=False)
     try:
         out = []

@@ -11,6 +11,7 @@ from itertools import starmap
 from math import floor, log10
 from pathlib import Path
 
+import dragon_ros as dr
 from dragon_contest.grade.heat import LEAST, MOST, Heat
 from dragon_contest.grade.tables import (
     UNITS,
@@ -25,7 +26,6 @@ from dragon_contest.grade.tables import (
 from dragon_contest.grade.team import BOUNDS, QUESTIONS, SHEETS, UNREAD, AnswerGrade, SheetGrade, TeamGrade
 from dragon_contest.grade.truth import RESULTS
 from dragon_contest.grade.words import joined, sentence, titled
-from dragon_ros.version import __version__
 
 # Anchor colours of the colour map viridis by Smith and van der Walt (CC0). Its lightness increases evenly, and
 # colour-blind people can read it.
@@ -46,7 +46,7 @@ def page(teams: list[TeamGrade], whole: int, lang: str) -> str:
             f'<meta name="color-scheme" content="light dark">\n<title>{title}</title>\n'
             f'<style>\n{_STYLE.read_text(encoding="utf-8")}</style>\n</head>\n')
     body = [f'<body class="{"many" if many else "one"}">', '<main>', '<div id="overview">', f'<h1>{title}</h1>',
-            f'<p class="quiet">{_said("made_by", lang, version=__version__)}</p>']
+            f'<p class="quiet">{_said("made_by", lang, version=dr.__version__)}</p>']
     if len(teams) < whole:
         body.append(f'<p class="problem">{_said("interrupted", lang, done=len(teams), whole=whole)}</p>')
     if many:

@@ -13,6 +13,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+import dragon_ros as dr
+from dragon_contest.arrays import Floats
 from dragon_contest.grade.diagnosis import (
     RIGHT,
     Booleans,
@@ -28,11 +30,7 @@ from dragon_contest.grade.reading import Refused, WorkbookSheet, read_book
 from dragon_contest.grade.truth import RESULTS, TrueStates, contact_s, truth_at
 from dragon_contest.grade.words import sentence, titled
 from dragon_contest.mistakes import turning
-from dragon_ros.core.checks import number
-from dragon_ros.core.errors import DragonError, InputError
-from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.tracks.spec import STurn
-from dragon_ros.scenes.yaml import Document, plain_number, read_document
+from dragon_ros.cli.inputs import Document, number, plain_number, read_document
 
 CLOSE = 1e-2        # largest error of a close table or answer, in its unit
 BOUNDS = (1e-6, 1e-4, CLOSE)     # error bounds for which the share of cells is reported
@@ -171,7 +169,7 @@ def grade_team(team: Team) -> TeamGrade:
     if team.answers_file is not None:
         try:
             answers = {**answers_of(team.answers_file), **answers}
-        except InputError as error:
+        except dr.InputError as error:
             taken.problems.append(Problem('', 'as_said', {'said': ' '.join(str(error).split())}))
     given = _settled(taken)
     sheets: list[SheetGrade] = []
@@ -210,7 +208,7 @@ def _take(path: Path, taken: _Taken) -> None:
         taken.problems.append(Problem(str(path), error.key, error.parameters))
         if of_file:
             taken.unread.setdefault(of_file, ('not_readable', Finding(error.key, error.parameters)))
-    except InputError as error:
+    except dr.InputError as error:
         taken.problems.append(Problem('', 'as_said', {'said': ' '.join(str(error).split())}))
     except MemoryError:
         taken.problems.append(Problem(str(path), 'memory', {}))
@@ -303,7 +301,7 @@ def _fitted(diagnose: Callable[[], Diagnosis]) -> Diagnosis:
     """Return a diagnosis; if a fit fails, the cause is unknown: no table of numbers ends a grading."""
     try:
         return diagnose()
-    except (DragonError, ArithmeticError, IndexError, ValueError):
+    except (dr.DragonError, ArithmeticError, IndexError, ValueError):
         return Diagnosis([Finding('unknown', {})], 0.0)
 
 
@@ -386,7 +384,7 @@ def teams_in(path: Path) -> list[Team]:
     document = read_document(path)
     values, prefix = _inner(document)
     if not values:
-        raise InputError(f'{path}: it contains no answers; give at least one of {", ".join(QUESTIONS)}')
+        raise dr.InputError(f'{path}: it contains no answers; give at least one of {", ".join(QUESTIONS)}')
     if prefix or not all(isinstance(value, Mapping) and 'value' not in value for value in values.values()):
         return [Team('answers', [], answers_of(path))]
     return [Team(name, [], answers) for name, answers in answers_by_team(path).items()]
@@ -423,15 +421,12 @@ def answer_grade(question: str, given: float) -> AnswerGrade:
 @cache
 def truth_of(question: str) -> float:
     """Return the right answer to a question whose answer is a single number."""
-    from dragon_ros.core.chain.dragon import Dragon
     if question == 't_s':
         return contact_s()
     if question == 'pitch_m':
-        from dragon_ros.core.search.min_pitch import min_pitch
-        return min_pitch(Dragon()).high_m
+        return dr.design.min_pitch().high_m
     if question == 'turn_m':
         track = turning().track
-        assert isinstance(track, STurn)
+        assert isinstance(track, dr.STurn)
         return track.length_m
-    from dragon_ros.core.search.max_speed import max_speed
-    return max_speed(turning()).leader_m_s(2.0)[0]
+    return dr.design.max_speed(turning()).leader_m_s(2.0)[0]

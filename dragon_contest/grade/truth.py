@@ -7,15 +7,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+import dragon_ros as dr
+from dragon_contest.arrays import Floats
 from dragon_contest.mistakes import SPEED_M_S, START, arc_length, turning, winding
-from dragon_ros.core.batches import states, velocity_of
-from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.model import compile_scene
-from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.search.certificate import Contact
-from dragon_ros.core.search.first_contact import first_contact
-from dragon_ros.core.tracks.spec import Spiral, STurn
 
 RESULTS = ('result1', 'result2', 'result4')
 _MORE_TURNS = 2                 # number of turns added before the start, for results with shifted times
@@ -33,57 +27,57 @@ class TrueStates(NamedTuple):
 @cache
 def contact_s() -> float:
     """Return the time (s) at which benches first touch."""
-    found = first_contact(winding())
-    assert isinstance(found, Contact)
+    found = dr.compile(winding()).contact()
+    assert isinstance(found, dr.Contact)
     return found.t_s
 
 
-def wound_scene(dragon: Dragon | None = None, pitch_m: float = Spiral.pitch_m) -> tuple[Scene, float]:
+def wound_scene(dragon: dr.Dragon | None = None, pitch_m: float = dr.Spiral.pitch_m) -> tuple[dr.Scene, float]:
     """Return the scene in which the dragon winds in from two turns before its start, and the time (s) of that start."""
     b_m = pitch_m / 2 / pi
     ahead = np.array((START + 2 * pi * _MORE_TURNS, START))
     longer, start = arc_length(ahead).tolist()
-    track = Spiral(pitch_m, START / 2 / pi + _MORE_TURNS)
-    return Scene(dragon=dragon or Dragon(), track=track), b_m * (longer - start) / SPEED_M_S
+    track = dr.Spiral(pitch_m, START / 2 / pi + _MORE_TURNS)
+    return dr.Scene(dragon=dragon or dr.Dragon(), track=track), b_m * (longer - start) / SPEED_M_S
 
 
-def turned_scene(dragon: Dragon | None = None, track: STurn | None = None) -> tuple[Scene, float]:
+def turned_scene(dragon: dr.Dragon | None = None, track: dr.STurn | None = None) -> tuple[dr.Scene, float]:
     """Return the scene of the turning dragon from 300 s before the turn, and the time (s) at which the turn begins."""
     default = turning().track
-    assert isinstance(default, STurn)
-    run = Run(stop_s=_BEFORE_S + _LATEST_S)
-    return Scene(dragon=dragon or Dragon(), track=replace(track or default, before_m=_BEFORE_S), run=run), _BEFORE_S
+    assert isinstance(default, dr.STurn)
+    run = dr.Run(stop_s=_BEFORE_S + _LATEST_S)
+    track = replace(track or default, before_m=_BEFORE_S)
+    return dr.Scene(dragon=dragon or dr.Dragon(), track=track, run=run), _BEFORE_S
 
 
-def state_at(scene: Scene, times_s: Floats) -> TrueStates:
+def state_at(scene: dr.Scene, times_s: Floats) -> TrueStates:
     """Return the states of a scene at many times; they are nan at times outside the run."""
     there = _in_run(scene, times_s)
     handles = np.full((times_s.size, scene.dragon.benches + 1, 2), np.nan)
     speed = np.full(handles.shape[:2], np.nan)
     if there.any():
         times = times_s[there].tolist()
-        chain = states(scene, times)
-        velocity = velocity_of(scene, chain, times)
-        handles[there], speed[there] = chain.p, np.hypot(velocity[..., 0], velocity[..., 1])
+        motion = dr.compile(scene).states(times)
+        handles[there], speed[there] = motion.handles_m, motion.speed_m_s
     return TrueStates(handles, speed)
 
 
-def handles_at(scene: Scene, times_s: Floats) -> Floats:
+def handles_at(scene: dr.Scene, times_s: Floats) -> Floats:
     """Return the handles (m, shape (T, N+1, 2)) of a scene at many times; they are nan at times outside the run."""
     there = _in_run(scene, times_s)
     handles = np.full((times_s.size, scene.dragon.benches + 1, 2), np.nan)
     if there.any():
-        handles[there] = states(scene, times_s[there].tolist()).p
+        handles[there] = dr.compile(scene).handles_m(times_s[there])
     return handles
 
 
-def _in_run(scene: Scene, times_s: Floats) -> NDArray[np.bool_]:
-    there: NDArray[np.bool_] = (times_s >= 0) & (times_s <= compile_scene(scene).end.t_s)
+def _in_run(scene: dr.Scene, times_s: Floats) -> NDArray[np.bool_]:
+    there: NDArray[np.bool_] = (times_s >= 0) & (times_s <= dr.compile(scene).span_s[1])
     return there
 
 
 @cache
-def _scene_of(result: str) -> tuple[Scene, float]:
+def _scene_of(result: str) -> tuple[dr.Scene, float]:
     return turned_scene() if result == 'result4' else wound_scene()
 
 

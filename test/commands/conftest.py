@@ -1,8 +1,6 @@
 """A short scene with a contact, bags of this scene, and a browser."""
-from pathlib import Path
-
-import browser
 import pytest
+from browser_fixtures import axe, chromium, page  # noqa: F401 - fixtures
 
 from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.core.model import compile_scene
@@ -45,26 +43,3 @@ def write_bag(scene):
 @pytest.fixture(scope='session')
 def bag(tmp_path_factory, write_bag):
     return write_bag(tmp_path_factory.mktemp('bags') / 'run.mcap')
-
-
-@pytest.fixture(scope='session')
-def chromium(tmp_path_factory):
-    """The one browser that all tests in this process share, since starting a browser takes seconds."""
-    if not browser.CHROMIUM:
-        pytest.skip(browser.ABSENT)
-    with browser.browser(tmp_path_factory.mktemp('chromium')) as one:
-        yield one
-
-
-@pytest.fixture
-def page(chromium):
-    """An empty page."""
-    yield chromium
-    chromium.begin_anew()
-
-
-@pytest.fixture(scope='session')
-def axe():
-    """The axe script, which checks the accessibility of a page."""
-    library = pytest.importorskip('axe_core_python', reason='axe-core-python is not installed')
-    return (Path(library.__file__).parent / 'axe.min.js').read_text(encoding='utf-8')

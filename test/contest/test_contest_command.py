@@ -61,7 +61,7 @@ def test_old_result_files_stay_if_the_disk_is_full(capsys, tmp_path):
     old.write_bytes(b'old')
     with small_disk(500_000):
         code = main(['table', '--contest', str(tmp_path)])
-    assert (code, capsys.readouterr().err) == (2, f'table: --contest {tmp_path}: cannot be written: File too large\n')
+    assert (code, capsys.readouterr().err) == (2, f'table: --contest {old}: cannot be written: File too large\n')
     assert [one.read_bytes() for one in tmp_path.iterdir()] == [b'old']
 
 

@@ -20,6 +20,7 @@ from hypothesis import strategies as st
 from processes import children
 from properties import thinned
 
+from dragon_contest import limits
 from dragon_contest.grade import folders, reading, report
 from dragon_contest.grade.diagnosis import RIGHT
 from dragon_contest.grade.folders import grade_all, teams_of
@@ -30,7 +31,6 @@ from dragon_contest.grade.truth import truth_at
 from dragon_contest.result_files import handle_names
 from dragon_ros.__main__ import main
 from dragon_ros.cli.progress import Progress
-from dragon_ros.core import limits
 from dragon_ros.core.errors import InputError
 
 ROOT = Path(__file__).parents[2]

@@ -1,6 +1,6 @@
 """Headless Chromium, driven through the pipe of its DevTools protocol.
 
-``python3 test/commands/browser.py URL FILE [WIDTH HEIGHT [dark]]`` takes a screenshot of a ``view`` page.
+``python3 test/browser.py URL FILE [WIDTH HEIGHT [dark]]`` takes a screenshot of a ``view`` page.
 """
 import base64
 import json

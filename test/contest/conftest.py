@@ -1,0 +1,2 @@
+"""A browser."""
+from browser_fixtures import axe, chromium, page  # noqa: F401 - fixtures
