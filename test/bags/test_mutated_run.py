@@ -108,3 +108,9 @@ def test_every_changed_message_is_noticed(tmp_path, run, name, mutation):
         for made in MUTATIONS[mutation](*MESSAGES[run][place][2:]):
             rows = [*MESSAGES[run][:place], *((name, n, *one) for one in made), *MESSAGES[run][place + 1:]]
             assert not checked(write(tmp_path / 'a.mcap', run, rows), run).passed, (n, made)
+
+
+@pytest.mark.parametrize('run', RUNS)
+def test_our_bags_are_logged_in_simulation_time(tmp_path, run):
+    rows = [(name, n, t_ns + 1, data) for name, n, t_ns, data in MESSAGES[run]]
+    assert not checked(write(tmp_path / 'a.mcap', run, rows), run).passed

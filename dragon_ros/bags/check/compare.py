@@ -219,6 +219,8 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
         lacking = [name for name in (*encoders(scene, frame_id), *_once_topics(scene, frame_id))
                    if not _has(bag, f'{namespace}/{name}')]
         result.notes += [f'the recording lacks {", ".join(lacking)}'] if lacking else []
+    elif not log_times_are_ticks(bag, namespace):
+        result.fault('no handles are logged at their stamp, as our recorders do', 1)
     if scene.is_led:
         # A killed recorder writes no record RECEIVED.
         may_lack = {name for name in encode if not bag.metadata(RECEIVED) and _has(bag, f'{namespace}/{name}')}
