@@ -34,11 +34,14 @@ def actions(context: LaunchContext) -> list[Any]:
     given = {one.name: context.launch_configurations[one.name] for one in ARGUMENTS}
     what = plan(given, context.launch_configurations.get('ros_namespace', ''))
     ignored = misspelt(context.launch_configurations)
-    nodes = {start.executable: node(what.namespace, start) for start in (*what.readers, what.source)}
+    again = {'monitor'} if on(given, 'respawn') else set()
+    nodes = {start.executable: node(what.namespace, start, start.executable in again)
+             for start in (*what.readers, what.source)}
     # A recorder exits by itself once the source is gone and everything has been written.
     last = RegisterEventHandler(OnProcessExit(target_action=nodes[(what.recorder or what.source).executable], on_exit=[
         EmitEvent(event=Shutdown(reason='the run has ended'))]))
-    faults = [RegisterEventHandler(OnProcessExit(target_action=one, on_exit=fail)) for one in nodes.values()]
+    faults = [RegisterEventHandler(OnProcessExit(target_action=one, on_exit=fail)) for name, one in nodes.items()
+              if name not in again]
     notes = [LogInfo(msg=note) for note in (*ignored, *what.notes)]
     return [*notes, *faults, last, *nodes.values(), *view(given, what)]
 
@@ -49,7 +52,7 @@ def fail(event: ProcessExited, _: LaunchContext) -> None:
         raise DragonError(f'{event.process_name} ended with exit code {event.returncode}; see its output')
 
 
-def node(namespace: str, start: LaunchedNode) -> Node:
+def node(namespace: str, start: LaunchedNode, respawn: bool) -> Node:
     """Return one executable of the package as a node."""
     # Launch would read a text such as 0.001 as a number.
     parameters: list[Any] = [{name: ParameterValue(value, value_type=str) if isinstance(value, str) else value
@@ -57,7 +60,7 @@ def node(namespace: str, start: LaunchedNode) -> Node:
     if start.file:
         parameters += [start.file, *([written(start)] if start.asked else [])]
     return Node(package='dragon_ros', executable=start.executable, name=start.executable, namespace=namespace,
-                output='screen', arguments=start.arguments, parameters=parameters)
+                output='screen', arguments=start.arguments, parameters=parameters, respawn=respawn, respawn_delay=2.0)
 
 
 def written(start: LaunchedNode) -> str:

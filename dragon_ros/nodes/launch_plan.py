@@ -71,6 +71,8 @@ ARGUMENTS = (
     Argument('replay', '', 'bag to replay instead of running a sim; empty: none'),
     Argument('rviz', 'true', 'show the dragon in RViz', YES_NO),
     Argument('headless', 'false', 'open no windows, even with rviz:=true', YES_NO),
+    Argument('respawn', 'false', 'restart the monitor two seconds after it has ended, instead of ending the launch',
+             YES_NO, concerns='monitor'),
     Argument('json', 'false', 'write the logs as JSON', YES_NO),
 )
 

@@ -1,6 +1,7 @@
 """``dragon.launch.py`` works with the ROS 2 launch package, which has no wheel: these tests need a ROS 2 install."""
 import os
 import sys
+from importlib.util import find_spec
 from pathlib import Path
 
 import psutil
@@ -65,8 +66,8 @@ def launch(domain, prefix, tmp_path):
                    'PYTHONPATH': os.pathsep.join([str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]),
                    'PATH': os.pathsep.join([str(Path(sys.executable).parent), os.environ['PATH']])}
 
-    def run(*arguments, program=LAUNCH):
-        command = [sys.executable, '-c', program, str(ROOT / 'launch' / 'dragon.launch.py'), *arguments]
+    def run(*arguments, program=LAUNCH, file=ROOT / 'launch' / 'dragon.launch.py'):
+        command = [sys.executable, '-c', program, str(file), *arguments]
         running.append(Process(Started(command, environment, tmp_path)))
         return running[-1]
     yield run
@@ -215,3 +216,67 @@ def test_two_robots_push_namespaces_around_the_launch_file(launch, node):
     assert node.count_publishers('/dragon/handles') == 0
     launched.wait_for('launch argument scen is not known and is ignored; did you mean scene?')
     launched.stop()
+
+
+def test_the_example_of_two_dragons_has_a_monitor_and_a_layout_each_and_one_clock(launch, node, prefix):
+    (prefix / 'share/ament_index/resource_index/packages/rviz2').touch()
+    (prefix / 'lib/rviz2').mkdir()
+    (prefix / 'lib/rviz2/rviz2').write_text(STAND_IN)
+    (prefix / 'lib/rviz2/rviz2').chmod(0o755)
+    has_tf = find_spec('tf2_msgs') is not None
+    launched = launch(f'publish_tf:={str(has_tf).lower()}', file=ROOT / 'docs' / 'examples' / 'two_dragons.launch.py')
+    for robot in ('red', 'blue'):
+        for topic in ('handles', 'clearance/stamped', *(['tf'] if has_tf else [])):
+            node.until(lambda topic=topic, robot=robot: node.count_publishers(f'/{robot}/dragon/{topic}') == 1)
+        launched.wait_for(f'Fixed Frame: {robot}_dragon')
+        launched.wait_for(f'Value: /{robot}/dragon/collision/markers')
+    node.until(lambda: node.count_publishers('/clock') == 1)
+    assert [one.node_namespace for one in node.get_publishers_info_by_topic('/clock')] == ['/red/dragon']
+    assert node.count_publishers('/tf') == 0
+    launched.stop()
+
+
+INCLUDED = """
+launch:
+- include:
+    file: "$(find-pkg-share dragon_ros)/launch/dragon.launch.py"
+    arg: [{name: namespace, value: yellow}, {name: headless, value: "true"}, {name: params_file, value: nav.yaml}]
+"""
+YAML = """
+import sys
+import launch_ros.actions, launch_ros.substitutions
+from launch import LaunchService
+from launch_yaml import Parser
+entity, parser = Parser.load(sys.argv[1])
+service = LaunchService()
+service.include_launch_description(parser.parse_description(entity))
+sys.exit(service.run())
+"""
+
+
+def test_a_launch_file_in_yaml_includes_a_dragon_with_a_file_of_parameters_in_the_style_of_nav2(launch, node, tmp_path):
+    pytest.importorskip('launch_yaml', reason='launch_yaml comes with ROS 2, not from PyPI')
+    (tmp_path / 'nav.yaml').write_text(
+        '/**:\n  ros__parameters: {use_sim_time: true}\n/**/sim:\n  ros__parameters: {rate_hz: 20.0}\n')
+    (tmp_path / 'one.launch.yaml').write_text(INCLUDED)
+    run = launch(file=tmp_path / 'one.launch.yaml', program=YAML)
+    run.wait_for('starting at 0.000 s')
+    assert parameter(node, '/yellow/sim', 'rate_hz').double_value == 20
+    assert parameter(node, '/yellow/sim', 'use_sim_time').bool_value
+    assert parameter(node, '/yellow/monitor', 'use_sim_time').bool_value
+
+
+def test_a_monitor_respawns_if_asked_to(launch, node):
+    run = launch('headless:=true', 'discovery_s:=0', 'respawn:=True')
+    run.wait_for('starting at 0.000 s')
+    node.until(lambda: node.count_publishers('/dragon/clearance') == 1)
+
+    def monitors():
+        return [one for one in psutil.Process(run.pid).children(recursive=True)
+                if ''.join(one.cmdline()[1:2]).endswith('/monitor')]
+    (process,) = monitors()
+    process.kill()
+    run.wait_for('process has died')
+    node.until(lambda: monitors() and monitors()[0].pid != process.pid)
+    assert run.running
+    run.stop()
