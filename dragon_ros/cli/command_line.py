@@ -17,6 +17,10 @@ if TYPE_CHECKING:       # --help must not import numpy
 OK, FAILED, BAD_INPUT, INCOMPLETE = 0, 1, 2, 3
 # Control characters except tabs and line feeds, separators of lines, and marks that reverse the direction of text.
 _CONTROLS = re.compile('[\0-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]')
+_INVALID_CHOICE = re.compile(r"invalid choice: '([^']*)' \(choose from (.*)\)")
+_NEGATIVE = re.compile(r'-\.?\d')
+_WITH_UNIT = re.compile(r'(\d+\.?\d*(?:e-?\d+)?|\.\d+)\s*(m|cm|mm|um|µm|nm)')
+_UNITS_M = {'m': 1.0, 'cm': 1e-2, 'mm': 1e-3, 'um': 1e-6, 'µm': 1e-6, 'nm': 1e-9}
 _MOST_SHOWN = 400       # maximum length of argparse's error messages, in characters
 
 
@@ -57,9 +61,10 @@ class Parser(argparse.ArgumentParser):
             from dragon_ros.cli import completion
             completion.answer(self)
         args = None if args is None else list(args)
-        if any('\0' in text for text in args or ()):
+        words = list(sys.argv[1:] if args is None else args)
+        if any('\0' in text for text in words):
             self.error('an argument contains a NUL character; remove it')
-        arguments = super().parse_args(args, namespace)
+        arguments = super().parse_args(_with_negative_values(words), namespace)
         try:
             _check_output(arguments)
         except InputError as error:
@@ -87,8 +92,12 @@ class Parser(argparse.ArgumentParser):
     def error(self, message: str) -> NoReturn:
         """Print the error with a reference to --help, and exit with code 2."""
         line = ' '.join(message.split())
+        if wrong := _INVALID_CHOICE.search(line):
+            hint = did_you_mean(wrong[1], re.findall(r"[^\s,']+", wrong[2]), '')
+            line += f'; {hint}' if hint else ''
         line = line if len(line) <= _MOST_SHOWN else f'{line[:_MOST_SHOWN]}...'
-        self.exit(BAD_INPUT, printable(f'{self.prog}: {line}; see {self.prog} --help') + '\n')
+        name = self.prog.removeprefix(program()).strip()
+        self.exit(BAD_INPUT, printable(f'{name}: {line}; see {self.prog} --help') + '\n')
 
 
 def _finite(text: str) -> float:
@@ -115,9 +124,30 @@ def _path(text: str) -> Path:
 
 
 def _assignment(text: str) -> str:
+    key, colon, value = text.partition(':')
+    if '=' not in text and colon and value:
+        raise argparse.ArgumentTypeError(f'{shown(text)} is not KEY=VALUE; write --set {key}={value.strip()}')
     if '=' not in text:
         raise argparse.ArgumentTypeError(f'{shown(text)} is not KEY=VALUE; write --set {text}=VALUE, without a space')
     return text
+
+
+def _accuracy(text: str) -> str:
+    if found := _WITH_UNIT.fullmatch(text):
+        metres = float(found[1]) * _UNITS_M[found[2]]
+        raise argparse.ArgumentTypeError(f'{shown(text)} has a unit; write metres alone: --accuracy {metres:g}')
+    return text
+
+
+def _with_negative_values(words: list[str]) -> list[str]:
+    """Join each option with a value that begins with a negative number; argparse takes -100,-50 for an option."""
+    out: list[str] = []
+    for word in words:
+        if out and _NEGATIVE.match(word) and out[-1].startswith('--') and '=' not in out[-1] and out[-1] != '--':
+            out[-1] += f'={word}'
+        else:
+            out.append(word)
+    return out
 
 
 def program() -> str:
@@ -132,8 +162,8 @@ def program() -> str:
 
 def parser(name: str, text: str, example: str) -> argparse.ArgumentParser:
     """Return a parser that shows the executable's name, its purpose and an example that begins with its name."""
-    return Parser(prog=name, description=text, epilog=f'example: {program()} {example}', allow_abbrev=False,
-                  formatter_class=argparse.RawDescriptionHelpFormatter)
+    return Parser(prog=f'{program()} {name}', description=text, epilog=f'example: {program()} {example}',
+                  allow_abbrev=False, formatter_class=argparse.RawDescriptionHelpFormatter)
 
 
 def add_scene_options(options: argparse.ArgumentParser, scene: str | None = DEFAULT_SCENE) -> None:
@@ -145,7 +175,8 @@ def add_scene_options(options: argparse.ArgumentParser, scene: str | None = DEFA
                          help='name or file of the scene' + (' (%(default)s)' if scene else ''))
     options.add_argument('--set', action='append', default=[], metavar='KEY=VALUE', dest='overrides',
                          type=_assignment, help='override a scene key, such as track.pitch_m=0.5; repeatable')
-    options.add_argument('--accuracy', metavar='METRES|TIER', help='maximum position error, in metres or as a tier')
+    options.add_argument('--accuracy', metavar='METRES|TIER', type=_accuracy,
+                         help='maximum position error, in metres or as a tier')
 
 
 def add_source_options(options: argparse.ArgumentParser) -> None:

@@ -10,9 +10,11 @@ from dragon_ros.cli import command_line
 from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.ranges import handles_of, times_of
 from dragon_ros.core.batches import batches
+from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.tracks.spec import STurn
 from dragon_ros.guests import installed
 
 if TYPE_CHECKING:       # imported lazily, because a table of a scene needs no bag reader
@@ -51,10 +53,19 @@ def run(arguments: Namespace) -> int:
         scene = command_line.scene_from(arguments)
         handles = handles_of(arguments.handles, scene.dragon.benches)
         times_s = times_of('0' if arguments.times is None else arguments.times)
+        _check_not_before_start(scene, times_s)
         with Progress('table', 'times', len(times_s)) as bar:
             rows = table(scene, times_s, handles, bar.update)
     command_line.write_output(arguments.output, _FORMATS[arguments.format](rows))
     return command_line.OK
+
+
+def _check_not_before_start(scene: Scene, times_s: list[float]) -> None:
+    if min(times_s) < 0:
+        turn = f'; the head enters the turn at {scene.track.before_m / scene.head.speed_m_s:g} s' if (
+            isinstance(scene.track, STurn) and isinstance(scene.head, Head)) else ''
+        raise InputError(f'--times {min(times_s):g}: times of a scene begin at 0 s{turn}; add the difference',
+                         field='times')
 
 
 def table(scene: Scene, times_s: list[float], handles: list[int],

@@ -107,7 +107,8 @@ def _parse(options: argparse.ArgumentParser, argv: list[str]) -> argparse.Namesp
     try:
         rest: list[str] = remove_ros_args([options.prog, *argv])[1:]
     except Exception as error:  # noqa: BLE001 - rcl raises its own types for invalid --ros-args
-        options.exit(command_line.BAD_INPUT, f'{options.prog}: {" ".join(str(error).split())}\n')
+        options.exit(command_line.BAD_INPUT, f'{options.prog.removeprefix(command_line.program()).strip()}: '
+                     f'{" ".join(str(error).split())}\n')
     return options.parse_args(rest)
 
 

@@ -114,7 +114,7 @@ def test_output_goes_to_a_file_on_request(capsys, tmp_path, form):
     (['table', '--times', '500'], '432.917924'),
     (['table', '--times', 'noon'], '--times'),
     (['table', '--times', '0:10:0'], '--times'),
-    (['table', '--times', '-1'], 't_s'),
+    (['table', '--times', '-1'], 'times of a scene begin at 0 s'),
     (['table', '--times', 'nan'], 't_s'),
     (['table', '--handles', '224'], '0 to 223'),
     (['table', '--handles', 'head'], '--handles'),
@@ -131,7 +131,7 @@ def test_output_goes_to_a_file_on_request(capsys, tmp_path, form):
     (['contact', '--scene', 'turning', '--set', 'track.diameter_m=4'], 'give more than 5.75238 m with track.ratio 1'),
     (['inspect'], 'BAG'),
     (['inspect', 'a.mcap', '--bag', 'b.mcap'], 'not allowed with'),
-    (['design', 'fit', '--sqare', '3'], 'did you mean --square?; see design fit --help'),
+    (['design', 'fit', '--sqare', '3'], 'did you mean --square?; see '),
     (['table', '--accuracy', '1e-16'], 'accuracy'),
     (['table', '--accuracy', 'best'], 'accuracy'),
     (['table', '--output', 'no/such/folder/file'], 'no/such/folder'),
@@ -142,6 +142,13 @@ def test_output_goes_to_a_file_on_request(capsys, tmp_path, form):
     (['contact', '--scene', 'windin'], 'the scenes are first_contact, led'),
     (['contact', '--set', 'head.speed_m_s=0'], 'run.stop_s'),
     (['contcat'], 'did you mean contact'),
+    (['plot', 'dragn'], "'animation'); did you mean dragon?; see "),
+    (['design', 'pitch'], 'did you mean min-pitch?'),
+    (['table', '--format', 'jsn'], 'did you mean json?'),
+    (['contact', '--set', 'track.pitch_m: 0.5'], 'is not KEY=VALUE; write --set track.pitch_m=0.5;'),
+    (['contact', '--accuracy', '1mm'], "'1mm' has a unit; write metres alone: --accuracy 0.001;"),
+    (['table', '--scene', 'turning', '--times', '-100,-50'], '-100: times of a scene begin at 0 s; the head enters the '
+                                                             'turn at 100 s; add the difference'),
     ([], 'usage'),
 ])
 def test_bad_input_exits_with_2_and_a_clear_line(capsys, arguments, says):
@@ -149,6 +156,18 @@ def test_bad_input_exits_with_2_and_a_clear_line(capsys, arguments, says):
     assert code == 2
     assert says in err + out
     assert 'Traceback' not in err
+
+
+@pytest.mark.parametrize('program', ['./dragon', 'ros2 run dragon_ros'])
+def test_usage_names_the_program_that_was_called(capsys, monkeypatch, program):
+    monkeypatch.setenv('DRAGON_PROGRAM', program)
+    assert run(capsys, 'contact', '--help')[1].startswith(f'usage: {program} contact [-h]')
+    assert run(capsys, 'plot', 'dragon', '--help')[1].startswith(f'usage: {program} plot dragon [-h]')
+    assert run(capsys, 'plot', 'dragon', '--dpi', 'x')[2].endswith(f'; see {program} plot dragon --help\n')
+
+
+def test_a_value_may_begin_with_a_negative_number(capsys, tmp_path):
+    assert run(capsys, 'plot', 'dragon', '--around', '-3,2', '--output', str(tmp_path / 'a.png'))[0] == 0
 
 
 @pytest.mark.parametrize('name', [*EXECUTABLES, *(f'plot {kind}' for kind in command._KINDS)])
