@@ -24,9 +24,6 @@ from dragon_ros.verify.track import Track
 _FINEST = 2.0**-70      # length of the shortest interval, relative to 1 m plus the distance along the track
 _EARLY = 30_000         # number of steps before which no proof is abandoned
 _NOTHING = 1e-9         # smallest cleared share for an estimate; the first interval may be one float spacing long
-_MANY = 200             # smallest number of intervals for an estimate; with fewer, the proof takes a second or two
-_SAMPLES, _LEAST = 12, 4        # largest and smallest number of intervals sampled for an estimate
-_PILOT = 0.1            # largest share of the budget that an estimate may use
 _SPARE = 2              # safety factor for the suggested effort, because the rate of a proof changes
 _HOPELESS = 3           # longer proofs, relative to the budget, are abandoned early; valid ones need at most 1.8
 Progress = Callable[[float, float, str], object]    # arguments: metres cleared, metres in total, advice on the budget
@@ -37,8 +34,7 @@ class Budget:
     """The budget in steps (links placed and pairs of benches tested), ``effort`` times the usual budget.
 
     ``spent`` is the number of steps used and ``intervals`` the number of intervals proved; a fraction ``share`` of
-    the track has been cleared since step ``since``. ``expected`` is the total number of steps, estimated from a few
-    sampled intervals.
+    the track has been cleared since step ``since``.
     """
 
     steps: int
@@ -47,7 +43,6 @@ class Budget:
     intervals: int = 0
     since: int = 0
     share: float = 0.0
-    expected: float = 0.0
     _begun_s: float = field(default_factory=time.monotonic)
 
     def spend(self, steps: int) -> None:
@@ -67,14 +62,12 @@ class Budget:
         """A suggestion to increase the budget; empty if the budget is sufficient at the current rate."""
         if not self._whole > self.steps:
             return ''
-        begins = 'at this rate' if self.share else f'it takes about {self._takes_s:.2g} s,'
-        return f'{begins} more than the budget: --effort {self._enough:.12g} is enough'
+        return f'at this rate more than the budget: --effort {self._enough:.12g} is enough'
 
     @property
     def _whole(self) -> float:
-        """Estimated steps of the whole proof, from the current rate or else from a sample; 0 if unknown."""
-        pace = (self.spent - self.since) / self.share if self.share > _NOTHING else self.expected
-        return self.since + pace if pace else 0.0
+        """Estimated steps of the whole proof, from the current rate; 0 if unknown."""
+        return self.since + (self.spent - self.since) / self.share if self.share > _NOTHING else 0.0
 
     @property
     def _enough(self) -> float:
@@ -193,7 +186,6 @@ class Cover:
         whole_m = sum(above(high - low) for _, (low, high) in parts)
         joints = {cut for joint in self._track.joints for cut in (below(joint), above(joint))}
         cuts = {way.lead: sorted(joints.union(hints.get(way.lead, ()))) for way in every}
-        self._expect(parts, cuts)
         self.budget.since, self.budget.share, done_m = self.budget.spent, 0.0, 0.0
         self._tell(0.0, whole_m, self.budget.advice)
         for way, (low, high) in parts:
@@ -202,25 +194,6 @@ class Cover:
                 done_m += cleared_m
                 self.budget.share = done_m / whole_m if whole_m else 1.0
                 self._tell(done_m, whole_m, self.budget.advice)
-
-    def _expect(self, parts: Sequence[tuple[Way, Range]], cuts: dict[int, list[float]]) -> None:
-        """Estimate the total number of steps from an evenly spread sample of the intervals between hints."""
-        hinted = [_cuts_between(low, high, cuts[way.lead]) for way, (low, high) in parts]
-        whole = sum(len(ends) - 1 for ends in hinted)
-        most = int(self.budget.steps * _PILOT / (3 * len(self._dragon.benches)))
-        count = min(_SAMPLES, most)
-        if whole < _MANY or count < _LEAST:
-            return
-        spent, steps, asked, before = self.budget.spent, 0.0, [whole * (k + 0.5) / count for k in range(count)], 0
-        for (way, _), ends in zip(parts, hinted, strict=True):
-            while asked and asked[0] < before + len(ends) - 1:
-                low, high = ends[int(asked.pop(0)) - before:][:2]
-                begin, end, here = self._posture(way, low), self._posture(way, high), self.budget.spent
-                halves = 2 if self._stuck(way, low, high, begin, end) else 1
-                steps += halves * (self.budget.spent - here - begin.placed)
-            before += len(ends) - 1
-        self.budget.expected = steps * whole / count
-        self.budget.steps += self.budget.spent - spent
 
     def _clear(self, way: Way, low: arb, high: arb, cuts: list[float]) -> Iterator[float]:
         """Clear the interval between two positions in the longest provable parts; yield the parts' lengths (m)."""
@@ -279,12 +252,6 @@ class Stuck:
     def __str__(self) -> str:
         """Return the reason."""
         return self.why
-
-
-def _cuts_between(low: arb, high: arb, cuts: list[float]) -> list[arb]:
-    """Return both ends of a part of the track and the hints in between, in ascending order."""
-    inside = cuts[bisect_right(cuts, above(low)):bisect_left(cuts, below(high))]
-    return [low, *map(arb, inside), high]
 
 
 def _middle(low: arb, high: arb, cuts: list[float], ends: list[arb]) -> arb:

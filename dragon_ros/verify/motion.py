@@ -243,8 +243,6 @@ def _turned(segment: SpiralSegment, p: arb, a: arb, slopes: Slopes) -> Turning:
 def _across(front: Motion, handle: Handle, ends: Postures, n: int, link: Link) -> tuple[Motion, Turning]:
     """Return the motion of the handle behind and of the link, if the link or a handle crosses a joint."""
     ahead = front.speeds
-    if link.inverse is None:    # at a joint, the direction of such a link has no second derivative
-        return Motion(handle, front.p, front.a, front.across), Turning(ahead.curvature * ahead.v, NAN)
     axis = _axis(front.handle, handle, ends, n, link.inverse)
     tangent, curvature = ((handle.on.heading(handle.u), handle.on.curvature(handle.u)) if handle.segment is not None
                           else _joint(handle, ends, n + 1))
@@ -292,9 +290,6 @@ def between(one: acb, two: acb, turned: float) -> acb:
 
 def spiral_slopes(segment: SpiralSegment, theta: arb, delta: arb, link: Link) -> Slopes:
     """Return the slopes of a link between theta and theta + delta on a spiral."""
-    if not link.near:       # the link lies along the track
-        inverse = ONE / (ONE + theta * theta)
-        return Slopes(ZERO, ZERO, inverse, -TWO * theta * inverse * inverse)
     return _slopes(theta, delta, segment.chord(link).inverse_square)
 
 

@@ -2,7 +2,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
-from math import hypot, inf, sqrt
+from math import sqrt
 from typing import NamedTuple
 
 from flint import acb, arb
@@ -47,16 +47,14 @@ class Bench:
         """Largest distance of a point of the bench from its middle."""
         return hypot_above(above(self.half_length), above(self.half_width))
 
-    def lever(self, bend: float) -> float:
-        """Return the largest error of a corner, relative to the position error of a solver's handles.
+    @cached_property
+    def lever(self) -> float:
+        """The largest error of a corner, relative to the position error of a solver's handles.
 
-        If s is the ratio of length to link, the result is max(s, 2 / sqrt(4 - s^2)) plus the width divided by the link
-        (docs/contact.md, limits of the search). A link of zero length turns with the track, whose curvature is at most
-        ``bend``.
+        If s is the ratio of length to link, it is max(s, 2 / sqrt(4 - s^2)) plus the width divided by the link
+        (docs/contact.md, what is computed).
         """
         length, width = 2 * self.sizes[0], 2 * self.sizes[1]
-        if not self.link.near:
-            return 1 + 0.5 * bend * hypot(length, width)
         ratio = length / self.link.near
         return max(ratio, 2 / sqrt(4 - min(ratio * ratio, 2.0))) + width / self.link.near
 
@@ -69,13 +67,11 @@ class Bench:
         """Return an upper bound on how far the rotation of the link moves a point while the handles move.
 
         The link turns by at most the sum of both handles' motions along the track divided by the link's length and,
-        if no link can lock, by at most half the curvature times that sum (docs/contact.md, lemma 3). A link of zero
-        length turns with the track.
+        if no link can lock, by at most half the curvature times that sum (docs/contact.md, lemma 3).
         """
         ways = moved_m[0] + moved_m[1]
-        turned = [ways / self.link.near] if self.link.near else []
-        turned += [0.5 * bend * ways] if bend is not None else []
-        return up(self.overhang_m * min(turned)) if turned else inf
+        turned = ways / self.link.near
+        return up(self.overhang_m * (turned if bend is None else min(turned, 0.5 * bend * ways)))
 
 
 class Dragon:
@@ -142,12 +138,7 @@ class Posture:
             k = len(self._poses)
             shape = self._benches[self._lead + k]
             front, rear = self.point(k), self.point(k + 1)
-            middle = (front + rear) * HALF
-            if shape.link.inverse is not None:
-                axis = (front - rear) * shape.link.inverse
-            else:
-                place = self.place(k)
-                axis = self._track.heading(place)
+            middle, axis = (front + rear) * HALF, (front - rear) * shape.link.inverse
             self._poses.append(Pose(shape, middle, axis, complex(middle), complex(axis), _width(middle), _width(axis)))
         return self._poses[n]
 

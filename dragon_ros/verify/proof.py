@@ -16,17 +16,14 @@ from dragon_ros.verify.run import Leader, Run, run_of
 from dragon_ros.verify.track import Track, track_of
 from dragon_ros.verify.venue import Edges, ObstacleCover, check_sides, ways_by_length
 
-_SLACK = 1e-9               # slack in the leader's travel, relative to 1 m or the longest bench, whichever is shorter
-_WIDEST = 1e-6              # largest slack, relative to the same length, even if benches meet very slowly
-_GRAZING = 1e-7             # slack and distance of a grazing contact, relative to the same length
-_PROMISE_M = 2e-12          # position error of a solver up to _PROMISED_M from the origin
-_PROMISED_M = 20.0          # further out, the error grows in proportion, like the spacing of floats
-_OVERHANG_M = 1e-6          # how far an interval may extend beyond the run's positions; also grows in proportion
-_STEPS, _STEPS_EACH = 100_000, 300      # links and pairs: five to ten seconds, plus an allowance for each interval
-_MOST_STEPS = 200_000       # 173,000 steps suffice for 390 of 391 random runs
-_TIMED = 2   # first version of certificates in which the slack allows for an error in the position, not in the time
-_CHANGED = ('written before 0.3.0: until then the slack also covered positions before the leader turned or rested; '
-            'search this run again')
+_PROMISE_M, _PROMISED_M = 2e-12, 20.0   # position error of a solver up to this distance from the origin
+_SLACK_M, _PROMISES = 1e-9, 8           # slack in the leader's travel, or this many promises if that is more
+_WIDEST, _NEAR = 1000, 100              # largest slack if benches meet slowly, and distance of a grazing, in slacks
+_STEP = 1000                # step for the rate at which a gap closes, in slacks
+_ERRORS = 8                 # errors of a corner by which a gap must close within the slack
+_LAST_PLACES = 4            # rounding error of a contact's time, in ulps
+_OVERHANG = 1000            # how far an interval may extend beyond the run's positions, in slacks
+_STEPS = 300_000            # links and pairs: fifteen to thirty seconds; 173,000 suffice for 390 of 391 random runs
 _SHARE = 100                # number of lengths compared per step
 
 
@@ -45,14 +42,9 @@ def prove(claims: Claims, effort: float, progress: Progress) -> Proved:
     ``progress(done_m, whole_m, advice)`` is called with the metres of track that are cleared, the metres in total,
     and advice if the budget is too small at the current rate.
     """
-    budget = Budget(int(effort * min(_STEPS + _STEPS_EACH * len(claims.rows), _MOST_STEPS)), effort)
+    budget = Budget(int(effort * _STEPS), effort)
     precise(_far(claims.scene))
-    try:
-        sentence = _Proof(claims, budget, progress).sentence()
-    except Refused as why:
-        if claims.version < _TIMED and claims.contact and len(claims.scene.law.legs) > 1:
-            raise Refused(f'{why} ({_CHANGED})') from why
-        raise
+    sentence = _Proof(claims, budget, progress).sentence()
     return Proved(sentence, budget.intervals, budget.spent)
 
 
@@ -71,7 +63,7 @@ class _Proof:
         self._met: list[Pose] = []
         start = complex(self._track.point(self._track.place_at(self._track.start)))
         self._repeated = repeated(scene.lengths_m)
-        self._unit, self._coarse = min(1.0, self._dragon.longest_m), _coarse(abs(start))
+        self._promise_m = _promise_m(abs(start))
 
     def sentence(self) -> str:
         """Return the sentence that is proved."""
@@ -91,8 +83,8 @@ class _Proof:
         start_s, t_s = self._scene.start_s, contact.t_s
         gone, run = exact(self._scene.law.gone_m(Fraction(t_s))), self._run_to(t_s)
         poses = self._poses(contact, gone)
-        self._coarse = max(self._coarse, *(_coarse(abs(pose.near) + pose.shape.arm_m) for pose in poses))
-        slack_m = Fraction(_GRAZING * self._unit * self._coarse if contact.grazing else self._slack_m(contact, gone))
+        self._promise_m = max(self._promise_m, *(_promise_m(abs(pose.near) + pose.shape.arm_m) for pose in poses))
+        slack_m = Fraction(_NEAR * self._slack_m if contact.grazing else self._slack_at_m(contact, gone))
         ways = [way for way in approaches(self._scene.law, start_s, t_s) if way.was_beyond_m <= slack_m]
         if not ways:
             raise Refused(f'contact.t_s: before {t_s!r} s the leader has already been beyond its position at that time')
@@ -122,7 +114,7 @@ class _Proof:
         return f'no two benches touch, and none {also.replace(" and ", " or ")},'
 
     def _run(self, until_s: float | None) -> Run:
-        return run_of(self._scene.law, self._leader, self._scene, until_s, _SLACK * self._unit)
+        return run_of(self._scene.law, self._leader, self._scene, until_s, self._slack_m)
 
     def _run_to(self, t_s: float) -> Run:
         """Return the run up to a contact. Raises Refused if the run ends earlier."""
@@ -134,27 +126,28 @@ class _Proof:
             raise Refused(f'contact.t_s: {t_s!r} s is after the end of the run at {run.end_s:.12g} s: {run.why}')
         return run
 
-    def _slack_m(self, contact: Contact, gone: arb) -> float:
-        """Return the leader's travel before a contact for which nothing is proved, as small as floats allow.
+    @property
+    def _slack_m(self) -> float:
+        """One slack: the leader's travel before a contact, and at the end of the model, for which nothing is proved."""
+        return max(_SLACK_M, _PROMISES * self._promise_m)
 
-        The slack is usually a nanometre. It is larger if the leader is so fast that the time of the contact does not
-        determine its position that precisely, or if the benches approach so slowly that position errors correspond to
-        more travel.
+    def _slack_at_m(self, contact: Contact, gone: arb) -> float:
+        """Return the slack at a contact.
+
+        It is wider if the leader is so fast that the time of the contact does not determine its position that
+        precisely, or if the benches approach so slowly that errors of their corners correspond to more travel.
         """
-        lever = max(self._dragon.benches[bench].lever(self._track.bend) for bench in contact.benches)
-        step, error_m = 1e3 * _SLACK * self._unit, 4 * _PROMISE_M * self._coarse * lever
-        here, gaps = float(gap(*self._poses(contact, gone))), []
+        step, gaps = _STEP * self._slack_m, []
         for sense in (-1, 1):
             try:
                 gaps.append(float(gap(*self._poses(contact, gone + exact(sense * step)))))
             except Refused:     # beyond the end of the track or of the model
                 continue
-        speed = abs(float(self._scene.law.speed_m_s(Fraction(contact.t_s))))
-        slack_m = max(_SLACK * self._unit, 4 * ulp(contact.t_s) * speed)
         slope = abs(gaps[0] - gaps[-1]) / (2 * step) if gaps else 0.0
-        if slope and abs(here) < 2 * (error_m + slack_m):
-            slack_m = max(slack_m, error_m / slope)
-        return min(slack_m, _WIDEST * self._unit * self._coarse)
+        lever = max(bench.lever for bench in self._dragon.benches)
+        slow_m = _ERRORS * lever * self._promise_m / slope if slope else 0.0
+        speed = abs(float(self._scene.law.speed_m_s(Fraction(contact.t_s))))
+        return min(max(self._slack_m, _LAST_PLACES * ulp(contact.t_s) * speed, slow_m), _WIDEST * self._slack_m)
 
     def _poses(self, contact: Contact, gone: arb) -> tuple[Pose, Pose]:
         """Return the two benches of a contact (or a bench and an edge) when the leader has travelled a distance.
@@ -167,7 +160,7 @@ class _Proof:
         if contact.obstacle is None:
             return posture.pose(first), posture.pose(second)
         pose = posture.pose(first)
-        self._met = self._met or self._obstacles.edges.met(pose, contact.obstacle, self._coarse)
+        self._met = self._met or self._obstacles.edges.met(pose, contact.obstacle)
         if not self._met:
             raise Refused(f'contact: {_pair(contact)} are far from each other at that time')
         return pose, self._met[0]
@@ -227,7 +220,7 @@ class _Proof:
 
         Raises Refused for positions that no bench of an interval passes, because nothing would check these positions.
         """
-        count, overhang_m = len(self._dragon.benches), _OVERHANG_M * self._coarse
+        count, overhang_m = len(self._dragon.benches), _OVERHANG * self._slack_m
         known = {bench: way.lead for way in every for bench, _ in way.members}
         out, reach = dict[int, list[float]](), dict[int, tuple[float, float]]()
         for number, row in enumerate(self._claims.rows):
@@ -268,9 +261,9 @@ def _far(scene: Scene) -> float:
     return abs(track.start_m if isinstance(track, Pieces) else track.before_m) / max(scene.lengths_m)
 
 
-def _coarse(away_m: float) -> float:
-    """Return the spacing of floats at a distance from the origin, relative to the spacing near the origin."""
-    return max(1.0, away_m / _PROMISED_M)
+def _promise_m(away_m: float) -> float:
+    """Return the position error of a solver at a distance from the origin."""
+    return _PROMISE_M * max(1.0, away_m / _PROMISED_M)
 
 
 def _bend(track: Track, dragon: Dragon) -> float:

@@ -53,8 +53,6 @@ def _to_centre(track: Track, dragon: Dragon, low: arb, high: arb) -> list[Range]
 
 def _image(segment: SpiralSegment, low: arb, high: arb, link: Link) -> Range:
     """Return bounds on the coordinate of a handle while the handle in front of it is between two positions."""
-    if not link.near:
-        return low, high
     one, two = low + segment.span(low, link), high + segment.span(high, link)
     lows, highs = [], []
     parts = [(low, high, one, two, _HALVINGS)]

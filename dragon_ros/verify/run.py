@@ -153,7 +153,7 @@ class _Locks:
                 self._budget.spend(1)
             if most <= 2 * theta + pi:
                 return True
-            span = about_span(theta, chord) if chord else 0.0
+            span = about_span(theta, chord)
             if span is None:
                 return False
             theta += span

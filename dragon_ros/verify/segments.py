@@ -28,7 +28,7 @@ class Locked(Refused):
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """The distance between the two handles of a bench, in balls, with its square and its inverse (None if it is 0)."""
+    """The distance between the two handles of a bench, in balls, with its square and its inverse."""
 
     length: arb
     near: float
@@ -39,9 +39,9 @@ class Link:
         return self.length * self.length
 
     @cached_property
-    def inverse(self) -> arb | None:
+    def inverse(self) -> arb:
         """1 / length."""
-        return ONE / self.length if self.near else None
+        return ONE / self.length
 
 
 class Segment(Protocol):
@@ -250,8 +250,6 @@ class SpiralSegment:
 
     def next(self, u: arb, link: Link, way: int) -> arb:
         """Return the nearest position one link away, either further out or further in."""
-        if not link.near:
-            return u
         return u + self.span(u, link) if way == self.sense else u - self._span_in(u, link)
 
     def span(self, u: arb, link: Link) -> arb:
@@ -259,8 +257,6 @@ class SpiralSegment:
 
         This also proves that the chord grows up to this delta. Raises Locked if the link cannot be placed.
         """
-        if not link.near:
-            return ZERO
         half_square, near = self.chord(link).half_square, self.chord(link).near
         guess = about_span(float(u), near)
         if guess is None:

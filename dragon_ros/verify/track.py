@@ -111,8 +111,6 @@ class Track:
         Raises Refused if the handle does not fit on the track.
         """
         k, segment = place.segment, self.segments[place.segment]
-        if not link.near:
-            return place
         edge = segment.last if way > 0 else segment.first
         is_inwards = isinstance(segment, SpiralSegment) and way != segment.sense
         if is_inwards and edge is not None and self._is_beyond(place, edge, link) and 0 <= k + way < len(self.segments):

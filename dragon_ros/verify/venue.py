@@ -26,7 +26,7 @@ _ROUNDED = 1e-12    # more than the error of a distance after a dozen float oper
 _CELL = 4.0         # side of a cell of the index, relative to the longest bench
 _MOST_CELLS = 1000  # largest number of cells along an edge; longer edges are always checked
 _REACH = 2.0        # intervals in which a bench moves further, relative to the longest bench, are cut without a check
-_NEAR_M = 1e-5      # edges of an obstacle this close to a bench, relative to the scale of rounding, may touch it
+_NEAR_M = 1e-3      # edges of an obstacle this close to a bench may touch it
 _INSIDE_HEAD = [rect(0.5, n) for n in range(6)]     # points of a bench, relative to its half length and half width
 
 
@@ -105,9 +105,9 @@ class Edges:
                  for edge in self._cells.get(cell, ())}
         return [*found.values(), *self._long]
 
-    def met(self, bench: Pose, name: str, coarse: float) -> list[Pose]:
+    def met(self, bench: Pose, name: str) -> list[Pose]:
         """Return the edges of an obstacle that a bench may touch or be close to, nearest first."""
-        reach_m = 2 * (bench.shape.arm_m + bench.unsure_m + _NEAR_M * coarse)
+        reach_m = 2 * (bench.shape.arm_m + bench.unsure_m + _NEAR_M)
         parts = [part for edge in self.every if edge.name == name and (part := edge.near(bench.near, reach_m))]
         return sorted(parts, key=lambda part: max(about(bench, part)))
 

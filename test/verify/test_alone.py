@@ -1,19 +1,17 @@
 """The checker runs as a process without the solver."""
 import json
-import random
 import re
 import subprocess
 import sys
-from functools import cache
 
 import pytest
 from certificates import written
 from properties import thinned
 
 from dragon_ros.commands import contact
-from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral
+from dragon_ros.core.tracks.spec import Arc, Composite, Line
 from dragon_ros.verify import command
 from dragon_ros.verify.cover import Budget
 from dragon_ros.verify.errors import Refused
@@ -103,39 +101,11 @@ def test_a_proof_that_takes_more_than_its_budget_says_on_its_way_which_effort_is
     assert budget.advice == 'at this rate more than the budget: --effort 6.2 is enough'
 
 
-def test_before_a_proof_starts_it_says_how_long_it_takes_if_that_is_more_than_its_budget():
-    budget = Budget(1000, 2.0, spent=100, since=100, expected=1400.0)
-    assert re.fullmatch(r'it takes about \S+ s, more than the budget: --effort 6 is enough', budget.advice)
-    assert Budget(1000, 2.0, spent=100, since=100, expected=900.0).advice == ''
-
-
 def test_a_first_interval_that_is_a_float_long_tells_nothing_of_the_rest():
     budget = Budget(1000, 2.0, spent=100, since=50, share=5e-324)
     assert budget.advice == ''
     with pytest.raises(Refused, match=r'give --effort above 2$'):
         budget.spend(1000)
-
-
-@cache
-def of_many_intervals():
-    lengths = random.Random(3)
-    dragon = Mixed(tuple(Group(round(lengths.uniform(1.2, 2.6), 3)) for _ in range(14)), 0.3, 0.2)
-    return json.dumps(written(Scene(dragon=dragon, track=Spiral(0.6, 9.0), run=Run(0, 200)))).encode()
-
-
-@pytest.mark.parametrize('effort', [1.0, 0.02])
-def test_of_many_intervals_a_few_tell_how_many_steps_all_take(effort):
-    budget, told = Budget(int(1e5 * effort), effort), []
-    proof = _Proof(claims_of(of_many_intervals()), budget, lambda *row: told.append(row))
-    if effort == 1.0:
-        proof.sentence()
-        assert 0.5 < budget.expected / (budget.spent - budget.since) < 2.5
-        assert budget.advice == ''
-    else:
-        with pytest.raises(Refused):
-            proof.sentence()
-        assert told[0][0] == 0
-        assert 'more than the budget' in told[0][2]
 
 
 @pytest.mark.parametrize(('name', 'steps', 'intervals'), [('contact', 490, 16), ('none', 770, 29)])

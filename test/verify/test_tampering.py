@@ -235,10 +235,3 @@ def test_a_contact_of_the_last_two_benches_that_can_touch_is_not_passed_over():
 def test_certificates_without_a_version_are_read_as_those_of_0_2_0(honest, proof_of, kind):
     assert honest[kind]['version'] == 2
     assert proved(tampered(honest[kind], ('version',), REMOVED)) == proof_of(kind)
-
-
-def test_of_a_contact_that_0_2_0_might_have_dated_late_the_checker_says_what_has_changed(honest):
-    late = tampered(honest['law'], T, more(1e-6))
-    assert 'written before 0.3.0' in refusal(tampered(late, ('version',), REMOVED))
-    assert 'written before' not in refusal(late)
-    assert 'written before' not in refusal(tampered(tampered(honest['contact'], T, more(1e-6)), ('version',), REMOVED))
