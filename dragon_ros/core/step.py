@@ -35,15 +35,15 @@ def frame_of(simulation: Simulation, k: int | None, t_ns: int, chain: Chain, axi
     on, scene, t_s = simulation.on, simulation.scene, simulation.scene.run.seconds(t_ns)
     velocity = chain.velocities(scene.head.speed_at_m_s(t_s)) if on.velocity else None
     benches = (benches or benches_of(chain, scene.dragon, axis)) if on.benches else None
-    closeness = effects.closeness(simulation, chain, benches) if on.clearance else None
-    contacts = effects.contacts(simulation, closeness, benches) if on.contact else None
-    acceleration = effects.accelerations(simulation, t_s, chain) if on.accelerations else None
-    tension = effects.tensions(chain, acceleration) if on.forces else None
-    noisy = effects.noisy_handles(scene.noise, k, t_ns, chain.p, axis) if on.noise else None
-    trail = effects.trail(simulation, t_s) if on.trails else None
-    health = effects.chain_health(chain, simulation.promise_m) if on.diagnostics else None
-    leader = effects.leader_motion(simulation, t_s, chain) if on.leader else None
-    joints = effects.joint_angles(axis) if on.joints else None
+    closeness = effects.proximity.closeness(simulation, chain, benches) if on.clearance else None
+    contacts = effects.proximity.contacts(simulation, closeness, benches) if on.contact else None
+    acceleration = effects.dynamics.accelerations(simulation, t_s, chain) if on.accelerations else None
+    tension = effects.dynamics.tensions(chain, acceleration) if on.forces else None
+    noisy = effects.noise.noisy_handles(scene.noise, k, t_ns, chain.p, axis) if on.noise else None
+    trail = effects.trails.trail(simulation, t_s) if on.trails else None
+    health = effects.health.chain_health(chain, simulation.promise_m) if on.diagnostics else None
+    leader = effects.leading.leader_motion(simulation, t_s, chain) if on.leader else None
+    joints = effects.joints.joint_angles(axis) if on.joints else None
     return Frame(k, t_ns, chain, axis, velocity, benches, closeness, contacts, acceleration, tension, noisy, trail,
                  health, leader, joints)
 

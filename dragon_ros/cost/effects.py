@@ -32,16 +32,17 @@ def _t_s(of: Simulation, to: Frame) -> float:
 FIELDS: dict[Effect, tuple[str, Callable[[Simulation, Frame], Any]]] = {
     Effect.VELOCITY: ('velocity_m_s', lambda of, to: to.chain.velocities(of.scene.head.speed_at_m_s(_t_s(of, to)))),
     Effect.BENCHES: ('benches', lambda of, to: benches_of(to.chain, of.scene.dragon, to.axis)),
-    Effect.CLEARANCE: ('closeness', lambda of, to: effects.closeness(of, to.chain, to.benches)),
-    Effect.CONTACT: ('contacts', lambda of, to: effects.contacts(of, to.closeness, to.benches)),
-    Effect.ACCELERATIONS: ('acceleration_m_s2', lambda of, to: effects.accelerations(of, _t_s(of, to), to.chain)),
-    Effect.FORCES: ('tension_n_kg', lambda _, to: effects.tensions(to.chain, to.acceleration_m_s2)),
-    Effect.NOISE: ('measured', lambda of, to: effects.noisy_handles(of.scene.noise, None, to.t_ns, to.chain.p,
+    Effect.CLEARANCE: ('closeness', lambda of, to: effects.proximity.closeness(of, to.chain, to.benches)),
+    Effect.CONTACT: ('contacts', lambda of, to: effects.proximity.contacts(of, to.closeness, to.benches)),
+    Effect.ACCELERATIONS: ('acceleration_m_s2',
+                           lambda of, to: effects.dynamics.accelerations(of, _t_s(of, to), to.chain)),
+    Effect.FORCES: ('tension_n_kg', lambda _, to: effects.dynamics.tensions(to.chain, to.acceleration_m_s2)),
+    Effect.NOISE: ('measured', lambda of, to: effects.noise.noisy_handles(of.scene.noise, None, to.t_ns, to.chain.p,
                                                                     to.axis)),
-    Effect.TRAILS: ('trail_m', lambda of, to: effects.trail(of, _t_s(of, to))),
-    Effect.DIAGNOSTICS: ('health', lambda of, to: effects.chain_health(to.chain, of.promise_m)),
-    Effect.LEADER: ('leader', lambda of, to: effects.leader_motion(of, _t_s(of, to), to.chain)),
-    Effect.JOINTS: ('joint_rad', lambda _, to: effects.joint_angles(to.axis))}
+    Effect.TRAILS: ('trail_m', lambda of, to: effects.trails.trail(of, _t_s(of, to))),
+    Effect.DIAGNOSTICS: ('health', lambda of, to: effects.health.chain_health(to.chain, of.promise_m)),
+    Effect.LEADER: ('leader', lambda of, to: effects.leading.leader_motion(of, _t_s(of, to), to.chain)),
+    Effect.JOINTS: ('joint_rad', lambda _, to: effects.joints.joint_angles(to.axis))}
 
 
 @dataclass(frozen=True)
