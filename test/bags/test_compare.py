@@ -250,6 +250,12 @@ def test_a_killed_recorder_does_not_excuse_the_speeds_of_many_ticks(tmp_path, ti
     assert 'cannot be compared, because the speed of tick 2' in found.faults[-1]
 
 
+def test_a_led_run_that_begins_late_says_so_and_is_not_passed(tmp_path):
+    found = compared(write_led(tmp_path / 'a.mcap', 9, lambda name, k: k > 4))
+    assert (found.passed, found.notes) == (False, ['the recording begins at tick 5 (0.100000000 s)'])
+    assert found.faults[0].startswith('ticks 5 to 8: handles cannot be compared, because the speed of tick 0')
+
+
 def test_a_led_run_that_lacks_a_topic_is_not_passed(tmp_path):
     found = compared(write_led(tmp_path / 'a.mcap', 3, lambda name, k: name != 'velocities'))
     assert (found.faults, found.passed) == (['ticks 0 to 2: velocities is missing'], False)

@@ -358,6 +358,8 @@ def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
             continue
         speed_m_s = _walked_m_s(recorded.get('leader', []), t_ns)
         if here != k or speed_m_s is None:
+            if result.first is None and here:
+                result.notes.append(f'the recording begins at tick {here} ({scene.run.seconds(t_ns):.9f} s)')
             after = next(left, None)
             if here == k and after is None and may_lack and 'leader' not in recorded:
                 why = f'the speed of tick {k} is not known'
