@@ -33,7 +33,7 @@ def main(argv: list[str]) -> int:
     options = command_line.parser('cost', 'Measure a page in one run: a table, CSV, and a picture as PNG and SVG.',
                                   'cost accuracy --output docs/cost')
     options.add_argument('page', choices=(*PAGES, ALL), help="limits: each stage compared with the machine's limit; "
-                                                             'accuracy: error against time, for every tier '
+                                                             'accuracy: error against time, for table and march '
                                                              'and other solvers; '
                          'promises: errors relative to promises on random chains; '
                          'contact: the first contact compared with sampling at fixed steps, and growth with benches; '

@@ -1,10 +1,9 @@
-"""``cost promises``: errors relative to promises on random chains, by tier, method and quantity.
+"""``cost promises``: errors relative to promises on random chains, by solver, method and quantity.
 
 Each scene is determined by its number alone. It has 2 to 60 links, either in groups or all equal except for the head,
-on a spiral, an S-turn or a composite track. The dragon is led by the head or the tail, with or without a shift map, at
-one of the tiers. Chains are computed at the start, at two random times, and at two times close to the end of the model,
-which is often a lock. Each chain is compared with forward placement at the exact tier, which ``cost accuracy`` compares
-with a 50-digit reference.
+on a spiral, an S-turn or a composite track. The dragon is led by the head or the tail, by the table or the
+march. Chains are computed at the start, at two random times, and at two times close to the end of the model, which is
+often a lock. Each chain is compared with the march, which ``cost accuracy`` compares with a 50-digit reference.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
@@ -25,28 +24,28 @@ from dragon_ros.core.errors import DragonError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.promise import speed_promise_m_s
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, tick
-from dragon_ros.core.tiers import PAPER, TIERS, position_promise_m, speed_promise_m_s
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn, TrackSpec
 from dragon_ros.cost.measure import circumstances
 
-PROMISING = tuple(name for name, tier in TIERS.items() if tier is not PAPER)
+PROMISING = ('table', 'march')
 WAYS = ('state', 'states', 'tick')
 WHAT = ('positions', 'speeds')
 _LONGEST_M = 6.0            # maximum length of a link
 _LATEST_S = 100.0
-_HEAD = ('tier', 'through', 'of', 'chains', 'median', 'p99', 'p999', 'largest', 'above_1', 'worst_scene')
-_COLOURS = {'preview': '#56B4E9', 'standard': '#009E73', 'fine': '#E69F00', 'exact': '#0072B2'}
+_HEAD = ('solver', 'through', 'of', 'chains', 'median', 'p99', 'p999', 'largest', 'above_1', 'worst_scene')
+_COLOURS = {'table': '#0072B2', 'march': '#009E73'}
 
 
 def shares(scene: Scene, times_s: Sequence[float]) -> Floats:
-    """Return the errors of positions and speeds, divided by the promises of the scene's tier.
+    """Return the errors of positions and speeds, divided by the promises of the scene's solver.
 
     The result has the shape (times, 3, 2), where 3 stands for ``state``, ``states`` and ``tick``. Times must be whole
     nanoseconds, as ticks require.
     """
-    known, scene = replace(scene, accuracy='exact', solver='march'), replace(scene, effects=Effect.VELOCITY)
+    known, scene = replace(scene, solver='march'), replace(scene, effects=Effect.VELOCITY)
     many = states(scene, times_s)
     v_many = velocity_of(scene, many, times_s)
     return np.array([_shares_at(known, scene, t_s, (many.p[n], v_many[n])) for n, t_s in enumerate(times_s)])
@@ -57,9 +56,9 @@ def _shares_at(known: Scene, scene: Scene, t_s: float, of_states: tuple[Floats, 
     reference = state(known, t_s)
     v = velocity_of(known, reference, t_s)
     simulation, condition, speed = compile_scene(scene), conditioning(reference), scene.head.speed_at_m_s(t_s)
-    promise_m = position_promise_m(simulation.tier, simulation.size_m, condition)
-    promise_m_s = speed_promise_m_s(simulation.tier, simulation.size_m,
-                                    simulation.model.length_m / scene.dragon.benches, condition, speed)
+    promise_m = simulation.promise_m * condition
+    promise_m_s = speed_promise_m_s(simulation.promise_m, simulation.model.length_m / scene.dragon.benches, condition,
+                                    speed)
     one, frame = state(scene, t_s), tick(replace(scene, run=Run(t_s, t_s)), 0)
     assert frame.velocity_m_s is not None
     placed = (one.p, velocity_of(scene, one, t_s)), of_states, (frame.chain.p, frame.velocity_m_s)
@@ -72,8 +71,8 @@ def random_scene(number: int) -> tuple[Scene, list[float]] | None:
     dice = Random(number)
     try:
         scene = Scene(_dragon(dice), _track(dice), Head(1.0, dice.choice(('head', 'tail'))), Run(0, 1e3),
-                      accuracy=dice.choice(PROMISING), solver=dice.choice(('table', 'march')))
-        end_s = compile_scene(replace(scene, accuracy='exact')).end.t_s
+                      solver=dice.choice(PROMISING))
+        end_s = compile_scene(scene).end.t_s
         compile_scene(scene)
     except DragonError:
         return None
@@ -111,10 +110,10 @@ def _piece(dice: Random) -> Piece:
 
 @dataclass(frozen=True)
 class Measured:
-    """The errors of M chains divided by their promises (shape (M, 3, 2)), with each chain's tier index and scene."""
+    """The errors of M chains divided by their promises (shape (M, 3, 2)), with each chain's solver index and scene."""
 
     shares: Floats
-    tiers: Ints
+    solvers: Ints
     scenes: Ints
 
 
@@ -142,30 +141,30 @@ def _measured(number: int) -> Measured:
     """Measure the chains of one scene; if the model rejects the scene, there are none."""
     drawn = random_scene(number)
     found = shares(*drawn) if drawn else np.empty((0, len(WAYS), len(WHAT)))
-    tier = PROMISING.index(str(drawn[0].accuracy)) if drawn else 0
-    return Measured(found, np.full(len(found), tier), np.full(len(found), number))
+    solver = PROMISING.index(drawn[0].solver) if drawn else 0
+    return Measured(found, np.full(len(found), solver), np.full(len(found), number))
 
 
 def _rows(found: Measured) -> list[tuple[str | int | float, ...]]:
-    """Return one row for each tier, method and quantity, with the same columns as the CSV."""
+    """Return one row for each solver, method and quantity, with the same columns as the CSV."""
     out: list[tuple[str | int | float, ...]] = []
-    for n, tier in enumerate(PROMISING):
-        mine = np.flatnonzero(found.tiers == n)
+    for n, solver in enumerate(PROMISING):
+        mine = np.flatnonzero(found.solvers == n)
         for m, way in enumerate(WAYS if mine.size else ()):
             for k, what in enumerate(WHAT):
                 one = found.shares[mine, m, k]
                 figures = [float(f'{x:.3g}') for x in (*np.quantile(one, (0.5, 0.99, 0.999)), np.max(one))]
-                out.append((tier, way, what, one.size, *figures, int(np.sum(one > 1)),
+                out.append((solver, way, what, one.size, *figures, int(np.sum(one > 1)),
                             int(found.scenes[mine[np.argmax(one)]])))
     return out
 
 
 def table(found: Measured) -> str:
     """Return the distributions as a Markdown table, after a line that states the machine, the versions and the date."""
-    head = ('| tier | through | error of | chains | median | 99 % | 99.9 % | largest | above 1 | worst scene |\n'
+    head = ('| solver | through | error of | chains | median | 99 % | 99.9 % | largest | above 1 | worst scene |\n'
             '|---|---|---|---:|---:|---:|---:|---:|---:|---:|')
-    lines = [f'| {tier} | {way} | {what} | {chains:,} | ' + ' | '.join(f'{share:.1e}' for share in shown)
-             + f' | {above} | {number} |' for tier, way, what, chains, *shown, above, number in _rows(found)]
+    lines = [f'| {solver} | {way} | {what} | {chains:,} | ' + ' | '.join(f'{share:.1e}' for share in shown)
+             + f' | {above} | {number} |' for solver, way, what, chains, *shown, above, number in _rows(found)]
     return '\n'.join([f'{circumstances()}. {summary(found)} Each figure is an error divided by its promise.', '', head,
                       *lines])
 
@@ -176,20 +175,20 @@ def summary(found: Measured) -> str:
     over = {0: 'no error exceeds its promise', 1: '1 error exceeds its promise'}.get(
         above, f'{above} errors exceed their promises')
     return (f'On {len(found.shares):,} random chains of 2 to 60 links, each computed by `state`, `states` and `tick` '
-            f'at one of the tiers, the largest error is {np.max(found.shares):.2g} times its promise, and {over}.')
+            f'at one of the solvers, the largest error is {np.max(found.shares):.2g} times its promise, and {over}.')
 
 
 def picture(found: Measured) -> Figure:
     """Return a figure of the share of chains whose error / promise exceeds a value, for positions and speeds."""
     figure = Figure(figsize=(PAGE_IN, 5), layout='constrained')
     for k, (axes, what) in enumerate(zip(figure.subplots(1, 2, sharey=True), WHAT, strict=True)):
-        for n, tier in enumerate(PROMISING):
-            worst = np.sort(np.max(found.shares[found.tiers == n, :, k], axis=1))
+        for n, solver in enumerate(PROMISING):
+            worst = np.sort(np.max(found.shares[found.solvers == n, :, k], axis=1))
             if not worst.size:
                 continue
             rank = np.arange(worst.size, 0, -1) / worst.size
             keep = np.unique(np.geomspace(1, worst.size, 600).astype(np.int64))
-            axes.loglog(np.maximum(worst[-keep], 1e-9), rank[-keep], color=_COLOURS[tier], label=tier)
+            axes.loglog(np.maximum(worst[-keep], 1e-9), rank[-keep], color=_COLOURS[solver], label=solver)
         axes.axvline(1.0, color='black', linewidth=1)
         axes.set(title=what.capitalize(), xlabel='error / promise, the worst of state, states and tick')
         axes.grid(True, which='major', linewidth=0.4)

@@ -1,4 +1,4 @@
-"""``cost tick``: the time of each stage of a tick, by solver and tier, with messages as objects and as bytes.
+"""``cost tick``: the time of each stage of a tick, by solver, with messages as objects and as bytes.
 
 Each stage is compared with the machine's limit: the shortest time in which the machine could multiply and copy the same
 amounts.
@@ -7,7 +7,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from statistics import mean
 
@@ -22,7 +22,6 @@ from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.dds_domain import free_domain, local_environment
 from dragon_ros.cli.figures import PAGE_IN, TEXT_PT
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.tiers import EXACT, PAPER, TIERS
 from dragon_ros.cost.measure import PASSES, TIMES, Timing, circumstances, fastest, timed, timing_of
 
 _TIMES_S = (0.0, 60.0, 150.0, 240.0, 300.0, 360.0, 400.0, 412.0)
@@ -34,10 +33,9 @@ _LONGEST_S = 120.0
 
 @dataclass(frozen=True)
 class Row:
-    """One way to compute a tick: solver, tier, kind of messages, and the time of each stage."""
+    """One way to compute a tick: solver, kind of messages, and the time of each stage."""
 
     solver: str
-    tier: str
     messages: str
     stages: dict[str, Timing]
 
@@ -49,7 +47,7 @@ class Row:
     @property
     def name(self) -> str:
         """The label of the row's bar."""
-        return f'{self.solver}, {self.tier}, {self.messages}'
+        return f'{self.solver}, {self.messages}'
 
 
 @dataclass(frozen=True)
@@ -66,9 +64,7 @@ class Measured:
 
 def measure(budget_s: float = 0.3) -> Measured:
     """Measure everything; progress goes to standard error. In the first row, messages are built as objects."""
-    ways = [(solver, name) for solver in CHAIN_SOLVERS for name, tier in TIERS.items()
-            if tier is EXACT or (tier is not PAPER and solver != 'plain')]
-    calls = {(*way, stage): call for way in ways for stage, call in _calls(*way).items()}
+    calls = {(solver, stage): call for solver in CHAIN_SOLVERS for stage, call in _calls(solver).items()}
     passes: list[list[Timing]] = []
     published: list[dict[str, Timing]] = []
     with tqdm(total=PASSES * len(calls), desc='cost tick', unit='stage', disable=None) as bar:
@@ -82,12 +78,13 @@ def measure(budget_s: float = 0.3) -> Measured:
     published = [one for one in published if one]
     messages = dict(zip(next(iter(published), {}), fastest([list(one.values()) for one in published]), strict=True))
     publish = {'publish': messages['bytes publish']} if messages else {}
-    rows = [Row(*way, _BYTES, {stage: stages[(*way, stage)] for stage in STAGES} | publish) for way in ways]
-    exact = next(row for row in rows if row.tier == 'exact')
+    rows = [Row(solver, _BYTES, {stage: stages[solver, stage] for stage in STAGES} | publish)
+            for solver in CHAIN_SOLVERS]
+    first = rows[0]
     if not messages:
         return Measured(rows, _limits_s(budget_s))
-    before = {**exact.stages, 'encode': messages['objects encode'], 'publish': messages['objects publish']}
-    return Measured([Row(exact.solver, exact.tier, _OBJECTS, before), *rows], _limits_s(budget_s))
+    before = {**first.stages, 'encode': messages['objects encode'], 'publish': messages['objects publish']}
+    return Measured([Row(first.solver, _OBJECTS, before), *rows], _limits_s(budget_s))
 
 
 def _limits_s(budget_s: float) -> dict[str, float]:
@@ -101,9 +98,9 @@ def _all_of(calls: list[Callable[[], object]]) -> list[object]:
     return [call() for call in calls]
 
 
-def _calls(solver: str, tier: str) -> dict[str, Callable[[], object]]:
+def _calls(solver: str) -> dict[str, Callable[[], object]]:
     """Return for each stage a call that computes it at all times."""
-    at = [stages_of(replace(Scene(), accuracy=tier), solver, t_s) for t_s in _TIMES_S]
+    at = [stages_of(Scene(), solver, t_s) for t_s in _TIMES_S]
     return {name: partial(_all_of, [calls[name] for calls in at]) for name in STAGES}
 
 
@@ -121,26 +118,26 @@ def _messages(budget_s: float) -> dict[str, Timing]:
 
 def table(rows: Measured) -> str:
     """Return the rows as a Markdown table, after a line that states the machine, the versions and the date."""
-    head = ('| solver | tier | messages | ' + ' | '.join(f'{name} (µs)' for name in _ALL)
-            + ' | all (µs) | times faster | times the limit |\n|---|---|---|' + '---:|' * (len(_ALL) + 3))
+    head = ('| solver | messages | ' + ' | '.join(f'{name} (µs)' for name in _ALL)
+            + ' | all (µs) | times faster | times the limit |\n|---|---|' + '---:|' * (len(_ALL) + 3))
     lines = [_line(row, rows.rows[0].total_s, rows.limit_s(row)) for row in rows.rows]
     limits = ' | '.join(f'{1e6 * rows.limits_s[name]:.3g}' if rows.limits_s[name] else '-' for name in _ALL)
-    lines.append(f'| limit of the machine | | | {limits} | {1e6 * sum(rows.limits_s.values()):.3g} | | 1.00 |')
+    lines.append(f'| limit of the machine | | {limits} | {1e6 * sum(rows.limits_s.values()):.3g} | | 1.00 |')
     return '\n'.join([f'{circumstances()}. Each time is the median of the fastest of {PASSES} passes.', '', head,
                       *lines])
 
 
 def _line(row: Row, before_s: float, limit_s: float) -> str:
     cells = [f'{row.stages[name].median_s * 1e6:.1f}' if name in row.stages else '-' for name in _ALL]
-    return (f'| {row.solver} | {row.tier} | {row.messages} | ' + ' | '.join(cells)
+    return (f'| {row.solver} | {row.messages} | ' + ' | '.join(cells)
             + f' | {row.total_s * 1e6:.0f} | {before_s / row.total_s:.1f} '
             f'| {times(row.total_s, limit_s)} |')
 
 
 def csv_text(rows: Measured) -> str:
     """Return the rows as CSV, with one line per stage and times in seconds."""
-    return csv_of(['solver', 'tier', 'messages', 'stage', 'limit_s', *TIMES],
-                  [(row.solver, row.tier, row.messages, stage, rows.limits_s[stage], *timing.cells)
+    return csv_of(['solver', 'messages', 'stage', 'limit_s', *TIMES],
+                  [(row.solver, row.messages, stage, rows.limits_s[stage], *timing.cells)
                    for row in rows.rows for stage, timing in row.stages.items()])
 
 

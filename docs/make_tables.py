@@ -9,7 +9,6 @@ import re
 import sys
 from collections.abc import Callable, Iterable
 from functools import cached_property
-from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +22,6 @@ from dragon_ros.configuration import scene_names  # noqa: E402
 from dragon_ros.core import domain  # noqa: E402
 from dragon_ros.core import limits as budgets  # noqa: E402
 from dragon_ros.core.flags import MEANINGS, NEEDS  # noqa: E402
-from dragon_ros.core.model import compile_scene  # noqa: E402
-from dragon_ros.core.scene import Scene  # noqa: E402
-from dragon_ros.core.tiers import TIERS, Tier  # noqa: E402
 from dragon_ros.executables import EXECUTABLES  # noqa: E402
 from dragon_ros.messages.channels import Channel, channels  # noqa: E402
 from dragon_ros.nodes import params  # noqa: E402
@@ -160,19 +156,6 @@ def effects() -> str:
          f'`{NEEDS[effect].names[0]}`' if effect in NEEDS else '', text) for effect, text in MEANINGS.items()))
 
 
-def tiers() -> str:
-    """Return the tiers with their promises, and the truncation of series at the size of the classic dragon."""
-    head = 'tier | largest position error | shift map of a joined track: truncation of series that differ from `exact`'
-    return table(head, (_tier_row(tier, compile_scene(Scene()).size_m) for tier in reversed(TIERS.values())))
-
-
-def _tier_row(tier: Tier, size_m: float) -> tuple[str, str, str]:
-    if tier.promise_m == inf:
-        return f'`{tier.name}`', 'no promise: up to 14 m', _GONE
-    grows = ' up to 20 m from the centre; proportionally larger further out' if tier.name == 'exact' else ''
-    return f'`{tier.name}`', f'{tier.promise_m:.0e} m{grows}', f'{tier.series_m(size_m):.1e} m'
-
-
 def world() -> str:
     """Return the limits of the world."""
     return table('quantity | from | to', ((one.what, f'{one.low:,g}', f'{one.high:,g} {one.unit}'.strip())
@@ -272,7 +255,7 @@ def _prose(one: Any) -> str:
 
 TABLES: dict[str, Callable[[], str]] = {
     'executables': executables, 'topics': topics, 'qualities': qualities,
-    'scenes': scenes, 'keys': keys, 'effects': effects, 'tiers': tiers, 'world': world, 'limits': limits, 'api': api,
+    'scenes': scenes, 'keys': keys, 'effects': effects, 'world': world, 'limits': limits, 'api': api,
     'sim': lambda: parameters(params.SIM), 'monitor': lambda: parameters(params.MONITOR),
     'replay': lambda: parameters(params.REPLAY)}
 

@@ -136,8 +136,8 @@ def _on_joined_tracks() -> tuple[Problem, ...]:
             (0.0, 4.0, 7.0), Dragon(40)),
         _like('law', 'ramps, a reversal, a jump and a stop; times inside ramps',
               replace(_TURNING, head=law), (3.0, 8.0, 59.0, 61.3, 64.1, 70.0, 85.0, 91.7, 100.0)),
-        _on('far-joined', 'a spiral 5.5 km from its centre, between a line and an arc',
-            (Line(5.0), SpiralArc(0.55, 9999.3, 9999.2999), Arc(4.0, 700.0)), (3.0, 9.0, 20.0, 30.0)),
+        _on('far-joined', 'a spiral 418 m from its centre, between a line and an arc',
+            (Line(5.0), SpiralArc(0.55, 760.3, 760.2985), Arc(4.0, 700.0)), (3.0, 9.0, 20.0, 30.0)),
         _like('after-a-long-way', 'joints behind 171 km of spiral, where the float spacing of a distance is 29 pm',
               Scene(dragon=Dragon(30), track=Composite(
                   (SpiralArc(0.62, 24.2, 297.8), Arc(1.6, 350.0), SpiralArc(1.1, 17.7, 12.2, 'right')),
@@ -176,5 +176,5 @@ def _corners() -> tuple[Problem, ...]:
         _with('fastest', 'a head at 100 m/s', (0.0, 1.0, 4.12), None, None, Head(100.0)),
         _like('longest-run-of-rounds', 'the tail leads a million seconds backwards on a circle',
               Scene(dragon=Dragon(30), track=Composite((Arc(49.5, 360.0), Line(2.0)), start_m=100.0),
-                    head=Head(10.0, 'tail')), (0.0, 86_400.0, 1e6)),
+                    head=Head(1.5, 'tail')), (0.0, 86_400.0, 1e6)),
     )

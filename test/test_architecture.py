@@ -31,13 +31,14 @@ STARTS = {'commands': {'verify', 'nodes.read_path'}}     # these modules are sta
 # The rooms and single modules of the core, and the parts of the core that each may import besides itself.
 VALUES = ('errors', 'checks', 'domain', 'flags', 'words')
 CHAIN = ('errors', 'checks', 'domain', 'numerics', 'tracks', 'chain')
-MODEL = (*VALUES, *CHAIN, 'venue', 'tiers', 'scene', 'shift_map', 'paper', 'model')
+MODEL = (*VALUES, *CHAIN, 'venue', 'promise', 'scene', 'shift_map', 'paper', 'model')
 CORE_ROOMS = {
     'errors': (), 'limits': (), 'numerics': (), 'words': (), 'checks': ('errors',),
     'domain': ('errors', 'checks'), 'flags': ('errors', 'checks', 'domain'),
     'venue': ('errors', 'checks', 'domain', 'limits', 'words'),
-    'tracks': CHAIN[:4], 'chain': CHAIN[:5], 'tiers': CHAIN[:5], 'scene': (*VALUES, 'tracks', 'chain', 'venue'),
-    'paper': CHAIN, 'shift_map': (*CHAIN, 'tiers'), 'model': MODEL[:-1], 'geometry': (*CHAIN, 'venue', 'limits'),
+    'tracks': CHAIN[:4], 'chain': CHAIN[:5], 'promise': ('errors',),
+    'scene': (*VALUES, 'promise', 'tracks', 'chain', 'venue'),
+    'paper': CHAIN, 'shift_map': CHAIN, 'model': MODEL[:-1], 'geometry': (*CHAIN, 'venue', 'limits'),
     'enclosures': (*CHAIN, 'geometry'), 'frame': (*CHAIN, 'geometry'), 'search': (*MODEL, 'geometry', 'enclosures'),
     'effects': (*MODEL, 'geometry', 'frame'), 'step': (*MODEL, 'geometry', 'frame', 'effects'),
     'batches': (*MODEL, 'geometry', 'frame', 'effects', 'step')}
@@ -226,7 +227,7 @@ def not_found(folder, other, upward_of):
     ('shift_map', 'model'), ('scene', 'model'), ('scene', 'chain.chain'), ('scene', 'tracks.spiral'),
     ('frame', 'effects.noise'), ('geometry', 'frame'), ('enclosures', 'model'), ('model', 'search.first_contact'),
     ('effects', 'step'), ('step', 'batches'), ('search', 'step'), ('errors', 'checks'), ('paper', 'shift_map.blocks'),
-    ('tiers', 'chain.chain'), ('limits', 'errors')])
+    ('promise', 'chain.chain'), ('limits', 'errors')])
 def test_a_planted_upward_import_inside_the_core_is_found(tmp_path, room, other):
     assert not_found(tmp_path, f'core.{other}', lambda path: upward_in_core(room, path)) == []
 

@@ -175,8 +175,8 @@ def add_scene_options(options: argparse.ArgumentParser, scene: str | None = DEFA
                          help='name or file of the scene' + (' (%(default)s)' if scene else ''))
     options.add_argument('--set', action='append', default=[], metavar='KEY=VALUE', dest='overrides',
                          type=_assignment, help='override a scene key, such as track.pitch_m=0.5; repeatable')
-    options.add_argument('--accuracy', metavar='METRES|TIER', type=_accuracy,
-                         help='maximum position error, in metres or as a tier')
+    options.add_argument('--accuracy', metavar='METRES', type=_accuracy,
+                         help='largest position error allowed, in metres')
 
 
 def add_source_options(options: argparse.ArgumentParser) -> None:

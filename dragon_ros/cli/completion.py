@@ -38,7 +38,7 @@ def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
 
 
 def _completer(action: argparse.Action) -> Any:
-    """Return the completer of an option's value, which suggests files, scenes, scene keys, tiers or nothing."""
+    """Return the completer of an option's value, which suggests files, scenes, scene keys, accuracies or nothing."""
     from argcomplete.completers import FilesCompleter, SuppressCompleter
     if action.type is Path:
         return FilesCompleter()
@@ -47,7 +47,7 @@ def _completer(action: argparse.Action) -> Any:
         return lambda prefix, **_: [*scene_names(), *FilesCompleter(('yaml', 'yml'))(prefix)]
     if action.dest == 'overrides':
         return lambda **_: _keys()
-    return (lambda **_: _tiers()) if action.dest == 'accuracy' else SuppressCompleter()
+    return (lambda **_: _requests()) if action.dest == 'accuracy' else SuppressCompleter()
 
 
 def _keys() -> list[str]:
@@ -60,6 +60,6 @@ def _keys() -> list[str]:
     return [f'{key}=' for key in (*sorted(keys), *SINGLES)]
 
 
-def _tiers() -> list[str]:
-    from dragon_ros.core.tiers import TIERS
-    return sorted(TIERS)
+def _requests() -> list[str]:
+    from dragon_ros.core.promise import REQUESTS
+    return sorted(REQUESTS)

@@ -40,7 +40,7 @@ def inspect(argv: list[str]) -> int:
                                   'clearance, integrity.', 'inspect run.mcap --check')
     command_line.add_bag(options, 'an .mcap file or a rosbag2 folder', required=True)
     options.add_argument('--check', action='store_true', help='recompute every tick from the scene in the bag, and '
-                         'compare it bit for bit or, if bits differ, within the promise of the tier')
+                         'compare it bit for bit or, if bits differ, within the promise')
     options.add_argument('--trust', action='store_true', help='recompute the scene in the bag even if it '
                          'exceeds the budgets (docs/limits.md)')
     options.add_argument('--repair', type=Path, metavar='OUT', help='write all readable messages to a complete bag')

@@ -145,11 +145,11 @@ def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
             found = compare_with_model(bag, scene, namespace, lambda k: bar.reach(k + 1), frame_id, contact_s,
                                        pool.in_order)
     code = command_line.OK if found.passed else command_line.FAILED
-    return {**_verdict(arguments.bag, found, compile_scene(scene).tier.name), 'end_proved': proof}, code
+    return {**_verdict(arguments.bag, found, scene.solver), 'end_proved': proof}, code
 
 
-def _verdict(path: Path, found: 'Comparison', tier: str) -> dict[str, Any]:
-    return {'bag': str(path), 'equal': found.equal, 'close': found.close, 'worst_m': found.worst_m, 'tier': tier,
+def _verdict(path: Path, found: 'Comparison', solver: str) -> dict[str, Any]:
+    return {'bag': str(path), 'equal': found.equal, 'close': found.close, 'worst_m': found.worst_m, 'tier': solver,
             'other_version': found.other_version, 'other_kernel': found.other_kernel, 'fault_count': found.fault_count,
             'missing_count': found.missing_count, 'faults': found.faults, 'once': found.once, 'notes': found.notes,
             'unchecked': {name: {'messages': count, 'reason': why} for name, (count, why) in found.unchecked.items()}}
@@ -186,7 +186,7 @@ def _check_text(values: dict[str, Any]) -> str:
         why = (f'version {values["other_version"]} made the bag, so the limit is twice the promise for all topics'
                if values['other_version'] else f'made with another kernel: {values["other_kernel"]}'
                if values['other_kernel'] else 'the bag does not name the version and kernel that made it')
-        line += (f', {counted(values["close"], "", "is")} within the accuracy of tier {values["tier"]} but not '
+        line += (f', {counted(values["close"], "", "is")} within the promise but not '
                  f'bit-identical (the largest difference is {values["worst_m"]:.3g} m: {why})')
     missing = values['missing_count']
     line += f', {counted(values["fault_count"] - missing, "", "is")} not' + (

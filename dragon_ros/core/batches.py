@@ -13,7 +13,6 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import frame_of
-from dragon_ros.core.tiers import PAPER
 
 _BATCH_HANDLES = 2**18      # handles per batch (8 MB with velocities); the cost of the calls dominates smaller batches
 _TICK_HANDLES = 2**12       # handles per group of consecutive ticks, few enough for their frames to stay in the cache
@@ -45,14 +44,14 @@ def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
 
 
 def states(scene: Scene, times_s: Sequence[float], out: Floats | None = None) -> Chain:
-    """Return the chains at S instants as one Chain with a leading axis; it equals single chains to within the tier.
+    """Return the chains at S instants as one Chain with a leading axis; it equals single chains to within the promise.
 
     If given, ``out`` (shape (S, N+1, 2)) receives the handle positions. Raises FieldError if ``out`` does not fit.
     """
     simulation = compile_scene(scene)
     if out is not None:
         _check_room(out, (len(times_s), scene.dragon.benches + 1, 2))
-    if simulation.tier is PAPER:
+    if simulation.is_paper:
         chain = stack([simulation.chain(t_s) for t_s in list(times_s) or [0.0]], len(times_s))
         if out is None:
             return chain

@@ -1,6 +1,6 @@
 """The model that is compiled from a scene, and the simulation that maps times to the distances that the model uses.
 
-A ``Model`` depends only on the scene's dragon, track, leader, solver and accuracy. It provides the positions of all
+A ``Model`` depends only on the scene's dragon, track, leader and solver. It provides the positions of all
 handles at each distance travelled by the leader, and the leader's range of travel. A ``Simulation`` adds the head law
 and the run, whose only effect is to determine the distance at each tick. Positions are therefore bit-identical across
 runs and processes, and scenes that differ only in head law, run or effects share one model.
@@ -23,14 +23,14 @@ from dragon_ros.core.chain.forward import blocks_of, forward, forward_many
 from dragon_ros.core.chain.leader import Leader
 from dragon_ros.core.chain.lock import head_lock_angle
 from dragon_ros.core.checks import number
-from dragon_ros.core.domain import COORDINATE, TIME
+from dragon_ros.core.domain import COORDINATE, TIME, TRACK
 from dragon_ros.core.errors import ChainLockError, FieldError, ModelEnd, TrackEndError
 from dragon_ros.core.flags import switches
 from dragon_ros.core.numerics.types import Floats, read_only
+from dragon_ros.core.promise import check_request, promise_m
 from dragon_ros.core.scene import LATEST_S, NS, Scene
 from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
 from dragon_ros.core.shift_map.table import ShiftMap
-from dragon_ros.core.tiers import EXACT, PAPER, Tier, tier_for
 from dragon_ros.core.tracks.composite import Track, least_radius_m, track_of
 from dragon_ros.core.tracks.polyline import SAG_M, polyline
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
@@ -55,13 +55,12 @@ class TravelEnd:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """A function that maps the distance travelled by the leader to the positions of all handles, at one tier."""
+    """A function that maps the distance travelled by the leader to the positions of all handles."""
 
     dragon: AnyDragon
     spec: TrackSpec
     lead: str
     solver: str
-    tier: Tier
 
     @cached_property
     def direction(self) -> int:
@@ -92,16 +91,9 @@ class Model:
 
     @cached_property
     def placement(self) -> Placement:
-        """The solver that places the handles: shift maps for blocks of equal links, or the march.
-
-        At every tier, links are solved to the last digit, which takes at most one additional Newton step. Tiers differ
-        only in the series of the maps: coarser series are used if those of ``exact`` do not converge or take longer to
-        evaluate. On a spiral, all tiers use the same series, because these are short and because any error grows along
-        the chain close to a lock.
-        """
+        """The solver that places the handles: shift maps for blocks of equal links, or the march."""
         lengths = {} if self.solver == 'march' else lengths_with_maps(self.links_m)
-        tier = EXACT if self.track.may_lock else self.tier
-        maps = {link_m: ShiftMap(self.track, link_m, links, self.direction, tier)
+        maps = {link_m: ShiftMap(self.track, link_m, links, self.direction)
                 for link_m, links in lengths.items()}
         return Placement(self.track, self.links_m, self.direction, maps, self.solver != 'march')
 
@@ -117,7 +109,7 @@ class Model:
     def place_many(self, gone_m: tuple[Floats, Floats], out: Floats | None = None) -> Chain:
         """Return the chains at S distances as one Chain.
 
-        The chains agree with chains that are placed one by one to within the tier, but not bit for bit. If given,
+        The chains agree with chains that are placed one by one to within the promise, but not bit for bit. If given,
         ``out`` (shape (S, N+1, 2)) receives the handle positions.
         """
         return self.placement.place_many(self.leader.places(gone_m), out)
@@ -233,16 +225,23 @@ class Simulation:
         if plane_m > COORDINATE.high:
             raise FieldError('track', f'{plane_m:.6g} m', 'handles would be so far from the origin; the world ends at '
                              f'{COORDINATE.high:g} m', 'stop the run earlier, or move or shorten the track')
+        longest_m = self.model.leader.longest_m(self._travel_m)
+        if longest_m > 2 * TRACK.high:      # the longest track and the longest dragon on it
+            raise FieldError('track', f'{longest_m:.6g} m', 'the run would reach so far along the track; '
+                             f'the limit is {2 * TRACK.high:g} m', 'stop the run earlier, or shorten the track')
 
     @cached_property
-    def tier(self) -> Tier:
-        """The tier that provides the scene's accuracy."""
-        return self.model.tier
+    def is_paper(self) -> bool:
+        """Whether handles are placed by the paper's recipe, which makes no promise."""
+        return self.scene.solver == 'paper'
 
     @cached_property
     def promise_m(self) -> float:
-        """The largest position error allowed in this scene, in metres."""
-        return self.tier.promise_for_m(self.size_m)
+        """The largest position error allowed in this scene away from a lock, in metres; infinite for the paper."""
+        leader = self.model.leader
+        return inf if self.is_paper else promise_m(
+            max(leader.longest_m(self._travel_m), self.size_m), self.model.links_m.size,
+            leader.plane_m(self._travel_m))
 
     @cached_property
     def limit(self) -> End | None:
@@ -359,7 +358,7 @@ class Simulation:
     @cached_property
     def span_m(self) -> tuple[float, float]:
         """The interval of the track that the handles occupy during the run, in metres."""
-        if self.tier is not PAPER:
+        if not self.is_paper:
             return self.model.leader.span_m(self.extent_m)
         chains = map(self.chain, (self.scene.run.start_s, self.end.t_s))
         ends = [chain.track.distances(*chain.places[:2]) for chain in chains]
@@ -371,7 +370,7 @@ class Simulation:
         Another thread may place chains at the same time. Tiles that do not exist yet are built when the leader reaches
         them; positions are bit-identical either way.
         """
-        if self.model.placement.stretch_m == inf or self.tier is PAPER:
+        if self.model.placement.stretch_m == inf or self.is_paper:
             return
         (least, most), step = self.extent_m, 0.5 * self.model.placement.stretch_m
         here = 0.0 if self.scene.is_led else float(self.scene.head.travelled_m(self.scene.run.start_s)[0])
@@ -412,7 +411,7 @@ class Simulation:
         """Return the chain at any instant. Raises ModelEnd beyond the end of the model."""
         if not 0.0 <= t_s <= self._sure_s:
             self.check_time(t_s)
-        if self.tier is PAPER:
+        if self.is_paper:
             return paper.place(self.model.track, self.model.links_m, self.scene.steady_m_s, t_s)
         return self._placement.place(self._leader.place(self.scene.head.travelled_m(t_s)))
 
@@ -431,7 +430,7 @@ class _Compiled:
     def __init__(self) -> None:
         # The keys are ids of scenes. Each simulation stores its scene, so these ids stay unique.
         self._simulations: OrderedDict[int, Simulation] = OrderedDict()
-        self._models: OrderedDict[tuple[AnyDragon, TrackSpec, str, str, Tier], Model] = OrderedDict()
+        self._models: OrderedDict[tuple[AnyDragon, TrackSpec, str, str], Model] = OrderedDict()
         self._latest: Simulation | None = None
         self._lock = Lock()
 
@@ -450,18 +449,16 @@ class _Compiled:
 
     def _compiled(self, scene: Scene) -> Simulation:
         """Return a new simulation, with the cached model if there is one."""
-        simulation = self._at(scene, tier_for(scene.accuracy))
+        key = _key_of(scene)
+        simulation = Simulation(scene, self._models.get(key) or Model(*key))
         simulation.check_world()
-        tier = tier_for(scene.accuracy, simulation.size_m)      # may differ if the accuracy is given in metres
-        return simulation if tier is simulation.tier else self._at(scene, tier)
-
-    def _at(self, scene: Scene, tier: Tier) -> Simulation:
-        key = _key_of(scene, tier)
-        return Simulation(scene, self._models.get(key) or Model(*key))
+        if not simulation.is_paper:
+            check_request(scene.accuracy, simulation.promise_m)
+        return simulation
 
     def _use(self, simulation: Simulation) -> None:
         """Store a simulation and its model, and mark them as the most recently used."""
-        scene, key = simulation.scene, _key_of(simulation.scene, simulation.tier)
+        scene, key = simulation.scene, _key_of(simulation.scene)
         self._simulations[id(scene)] = self._latest = simulation
         self._simulations.move_to_end(id(scene))
         self._models[key] = simulation.model
@@ -481,9 +478,9 @@ class _Compiled:
 _COMPILED = _Compiled()
 
 
-def _key_of(scene: Scene, tier: Tier) -> tuple[AnyDragon, TrackSpec, str, str, Tier]:
+def _key_of(scene: Scene) -> tuple[AnyDragon, TrackSpec, str, str]:
     """Return the settings that determine a model."""
-    return scene.dragon, scene.track, scene.head.lead, scene.solver, tier
+    return scene.dragon, scene.track, scene.head.lead, scene.solver
 
 
 def compile_scene(scene: Scene) -> Simulation:

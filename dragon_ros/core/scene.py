@@ -1,5 +1,5 @@
 """A scene: the settings of everything that is simulated. ``model`` compiles it."""
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache
 
@@ -8,16 +8,16 @@ from dragon_ros.core.chain.dragon import AnyDragon, Dragon, is_even
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.checks import Settings, choice, number, settle
 from dragon_ros.core.domain import RATE, TIME
-from dragon_ros.core.errors import FieldError, did_you_mean
+from dragon_ros.core.errors import FieldError
 from dragon_ros.core.flags import Effect, Noise, Trails, check_needs
+from dragon_ros.core.promise import checked_name
 from dragon_ros.core.tracks.spec import Spiral, TrackSpec
 from dragon_ros.core.venue import Origin, Venue
 
 NS = 10**9
 LATEST_S = 2**31 - 1       # a ROS stamp stores seconds as int32
-SOLVERS = ('table', 'march')
+SOLVERS = ('table', 'march', 'paper')
 MARKERS = ('cubes', 'triangles')
-ACCURACIES = ('paper', 'preview', 'standard', 'fine', 'exact')
 
 
 @dataclass(frozen=True)
@@ -111,24 +111,28 @@ class Scene:
         if self.is_led:
             settle(self, effects=self.effects | Effect.LEADER)
         check_needs(self.effects)
+        if self.accuracy == 'paper':        # as scenes of earlier versions request the paper's solver
+            settle(self, accuracy='exact', solver='paper')
         choice('solver', self.solver, SOLVERS)
         choice('markers', self.markers, MARKERS)
-        if not isinstance(self.accuracy, str):
-            settle(self, accuracy=number('accuracy', self.accuracy, above=0.0))
-        elif self.accuracy not in ACCURACIES:
-            raise FieldError('accuracy', self.accuracy, f'the tiers are {", ".join(ACCURACIES)}',
-                             did_you_mean(self.accuracy, ACCURACIES, 'give one of these, or metres'))
-        if self.accuracy == 'paper':
+        settle(self, accuracy=checked_name(self.accuracy) if isinstance(self.accuracy, str) else
+               number('accuracy', self.accuracy, above=0.0))
+        if self.solver == 'paper':
             self._check_paper()
 
     def _check_paper(self) -> None:
         """Reject scenes that the paper's method does not support."""
         if not isinstance(self.track, Spiral) or not isinstance(self.head, Head) or self.head.lead != 'head':
-            raise FieldError('accuracy', self.accuracy, "the paper's recipe requires one spiral, led by the head at a "
-                             'constant speed', 'choose another tier')
+            raise FieldError('solver', self.solver, "the paper's recipe requires one spiral, led by the head at a "
+                             'constant speed', 'choose table or march')
         if not is_even(self.dragon.link_lengths_m):
-            raise FieldError('accuracy', self.accuracy, "the paper's recipe requires equal benches behind the head",
-                             'choose another tier, or make the benches equal')
+            raise FieldError('solver', self.solver, "the paper's recipe requires equal benches behind the head",
+                             'choose table or march, or make the benches equal')
+
+    @property
+    def exactly(self) -> 'Scene':
+        """The scene with accurate positions: unchanged unless the paper's solver is set."""
+        return replace(self, solver='table') if self.solver == 'paper' else self
 
     @property
     def is_led(self) -> bool:

@@ -61,8 +61,8 @@ def led_tick(simulation: Simulation, law: Walked, k: int) -> Frame:
 
 
 def contact_frame(scene: Scene, t_s: float) -> Frame:
-    """Return the frame at the exact time of a contact, at the exact tier; its stamp is rounded to a nanosecond."""
-    simulation = compile_scene(replace(scene, accuracy='exact'))
+    """Return the frame at the exact time of a contact, placed accurately; its stamp is rounded to a nanosecond."""
+    simulation = compile_scene(scene.exactly)
     return frame_of(simulation, None, scene.run.stamp_ns(t_s), simulation.chain(t_s))
 
 

@@ -1,4 +1,4 @@
-"""The cost of accuracy for a scene: the errors and times of the paper's recipe, of simple solvers and of every tier."""
+"""The cost of accuracy for a scene: the errors and times of the paper's recipe, of simple solvers, march and table."""
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -14,7 +14,6 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.tiers import PAPER, TIERS, position_promise_m
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.cost.baselines import SIMPLE
 from dragon_ros.cost.measure import Timing, timed_in_turn
@@ -23,7 +22,6 @@ from dragon_ros.cost.reference import Reference, reference
 _PLACES = (1.0, 0.0, 0.5, 0.25, 0.75)       # times of the references as fractions of the run, the most important first
 _STEP_S = 0.01                              # step (s) of the paper's recipe, which has no positions between steps
 _MOST_HANDLES = 20_001                      # largest number of handles in a reference, counted from the head
-MARCHED = ', marched'
 
 
 @dataclass(frozen=True)
@@ -105,35 +103,30 @@ def _instants(scene: Scene) -> list[float]:
 
 
 def _ways(scene: Scene, known: dict[float, Reference | None], done: Callable[[str], object]) -> Iterator[_TimedSolver]:
-    """Yield the paper's recipe, the simple solvers and the tiers, each with its errors."""
-    for name in TIERS:
+    """Yield the paper's recipe, the simple solvers, the march and the table, each with its errors."""
+    done('paper')
+    yield from _own(scene, 'paper', known)
+    for simple in SIMPLE:
+        done(simple)
+        yield _simple(scene, simple, known)
+    for name in ('march', 'table'):
         done(name)
-        yield from _of_tier(scene, name, known)
-        if name == PAPER.name:
-            for simple in SIMPLE:
-                done(simple)
-                yield _simple(scene, simple, known)
+        yield from _own(scene, name, known)
 
 
-def _of_tier(scene: Scene, tier: str, known: dict[float, Reference | None]) -> Iterator[_TimedSolver]:
-    """Yield a tier with its default solver and, if that is not forward placement, also with forward placement."""
-    solvers = {}
-    for solver in ('table',) if tier == PAPER.name else ('table', 'march'):
-        name = tier + MARCHED * (solver == 'march')
-        try:
-            one = replace(scene, accuracy=tier, solver=solver)
-            way, served = _tier(one, name, known)
-        except DragonError as error:
-            if solver == 'table':
-                yield _absent(name, str(error.fields.get('limit', error)))
-            continue
-        solvers[solver] = served
-        if solver == 'table' or served != solvers.get('table'):
-            yield way
+def _own(scene: Scene, solver: str, known: dict[float, Reference | None]) -> Iterator[_TimedSolver]:
+    """Yield one of the package's solvers, unless it is the table and no table covers the scene."""
+    try:
+        way = _way(replace(scene, accuracy='exact', solver=solver), solver, known)
+    except DragonError as error:
+        yield _absent(solver, str(error.fields.get('limit', error)))
+        return
+    if solver != 'table' or way.row.note != 'by march':
+        yield way
 
 
-def _tier(scene: Scene, name: str, known: dict[float, Reference | None]) -> tuple[_TimedSolver, str]:
-    """Return a tier with its errors and the calls to be timed, and the name of the solver that placed the handles."""
+def _way(scene: Scene, name: str, known: dict[float, Reference | None]) -> _TimedSolver:
+    """Return a solver with its errors and the calls to be timed."""
     simulation = compile_scene(scene)
     error_m = error_m_s = 0.0
     worst = 1.0
@@ -142,12 +135,12 @@ def _tier(scene: Scene, name: str, known: dict[float, Reference | None]) -> tupl
         velocity = velocity_of(scene, chain, t_s)
         error_m = max(error_m, true.error_m(chain.p)) if true else nan
         error_m_s = max(error_m_s, true.speed_error_m_s(velocity)) if true else nan
-        worst = max(worst, conditioning(chain)) if simulation.tier is not PAPER else worst
-    promise = None if simulation.tier is PAPER else position_promise_m(simulation.tier, simulation.size_m, worst)
+        worst = worst if simulation.is_paper else max(worst, conditioning(chain))
+    promise = None if simulation.is_paper else simulation.promise_m * worst
     row = Solver(name, error_m, error_m_s, promise, None, None, f'by {chain.solver}')
     times_s = tuple(known)
     calls = tuple(partial(_place, scene, times_s, velocities) for velocities in (False, True))
-    return _TimedSolver(row, calls), chain.solver
+    return _TimedSolver(row, calls)
 
 
 def _place(scene: Scene, times_s: Sequence[float], velocities: bool) -> None:

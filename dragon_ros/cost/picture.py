@@ -4,8 +4,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dragon_ros.cli.figures import LINES, PAGE_IN, QUIET, TEXT_PT, short
-from dragon_ros.core.tiers import TIERS
-from dragon_ros.cost.accuracy import MARCHED
 from dragon_ros.cost.costs import Costs
 
 if TYPE_CHECKING:
@@ -31,8 +29,8 @@ def picture(costs: Costs) -> 'Figure':
 
 
 def _errors(axes: Any, costs: Costs) -> None:
-    """Draw the work-precision diagram: tiers, tiers with forward placement, and other solvers."""
-    styles = {'tiers': ('o', LINES[0]), 'tiers, marched': ('s', LINES[5]), 'others': ('^', LINES[1])}
+    """Draw the work-precision diagram: table and march, and other solvers."""
+    styles = {'dragon_ros': ('o', LINES[0]), 'others': ('^', LINES[1])}
     drawn = [row for row in costs.accuracy.solvers if row.positions and np.isfinite(row.error_m)]
     for kind, (marker, colour) in styles.items():
         mine = [row for row in drawn if _kind(row.name) == kind]
@@ -42,8 +40,7 @@ def _errors(axes: Any, costs: Costs) -> None:
                         linestyle='none')
     for place, names in _labels(costs).items():
         together = len(names) > 1       # place a shared label below the point, away from other labels
-        text = f'{names[0]} to {names[-1]}' if names == list(TIERS)[1:] else ', '.join(names)
-        axes.annotate(text, place, xytext=(0, -14) if together else (7, -3), textcoords='offset points',
+        axes.annotate(', '.join(names), place, xytext=(0, -14) if together else (7, -3), textcoords='offset points',
                       fontsize=TEXT_PT, ha='center' if together else 'left')
     axes.margins(x=0.3, y=0.12)
     axes.set(xlabel='time per tick for the positions of all handles (µs)', ylabel='largest error (m)',
@@ -53,9 +50,7 @@ def _errors(axes: Any, costs: Costs) -> None:
 
 
 def _kind(name: str) -> str:
-    if name.removesuffix(MARCHED) not in TIERS or name == 'paper':
-        return 'others'
-    return 'tiers, marched' if name.endswith(MARCHED) else 'tiers'
+    return 'dragon_ros' if name in ('table', 'march') else 'others'
 
 
 def _labels(costs: Costs) -> dict[tuple[float, float], list[str]]:
@@ -66,7 +61,7 @@ def _labels(costs: Costs) -> dict[tuple[float, float], list[str]]:
             continue
         x, y, name = row.positions.median_s * 1e6, max(row.error_m, _SMALLEST_M), row.name
         near = next((at for at in out if abs(np.log10(at[0] / x)) < 0.15 and abs(np.log10(at[1] / y)) < 0.6), (x, y))
-        out.setdefault(near, []).append(name.removesuffix(MARCHED))
+        out.setdefault(near, []).append(name)
     return {place: list(dict.fromkeys(names)) for place, names in out.items()}
 
 
@@ -88,10 +83,11 @@ def _effects(axes: Any, costs: Costs) -> None:
 
 def _whole(axes: Any, costs: Costs) -> None:
     """Draw the time that each task takes for the whole run."""
-    served = next((row for row in costs.accuracy.solvers if row.name == 'exact' and row.with_velocities), None)
+    own = {row.name: row for row in costs.accuracy.solvers if row.with_velocities}
+    served = own.get('table', own.get('march'))
     bars = {}
     if served and served.positions and served.with_velocities:
-        bars['positions, exact'] = served.positions.median_s * costs.ticks
+        bars['positions'] = served.positions.median_s * costs.ticks
         bars['and velocities'] = served.with_velocities.median_s * costs.ticks
     for row in costs.bags:
         bars[f'as a bag, {row.compression.replace("none", "not compressed")}'] = costs.ticks / row.ticks_per_s

@@ -34,7 +34,7 @@ class Argument(NamedTuple):
 ARGUMENTS = (
     Argument('scene', 'winding', 'scene: a name, or a .yaml file', concerns='sim'),
     Argument('set', '', 'overrides of scene keys, separated by semicolons: key=value; key=value', concerns='sim'),
-    Argument('accuracy', '', 'largest position error, in metres or as a tier; empty: as in the scene', concerns='sim'),
+    Argument('accuracy', '', 'largest position error allowed, in metres; empty: as in the scene', concerns='sim'),
     Argument('rate', '', 'ticks per second of simulation; empty: as in the scene', concerns='sim'),
     Argument('start_s', '', 'simulation time of the first tick in seconds; empty: as in the scene or bag'),
     Argument('stop_s', '', 'simulation time of the end in seconds; empty: as in the scene or bag'),

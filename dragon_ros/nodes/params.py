@@ -42,7 +42,7 @@ SIM = (
     Parameter('scene', 'winding', 'Scene: a name (see msg_configs/scenes) or the path of a .yaml file'),
     Parameter('set', [''], 'Overrides of scene keys, each as key=value with a dotted key; those of the option --set '
               'are applied afterwards'),
-    Parameter('accuracy', '', 'Largest position error, in metres or as a tier; empty: as in the scene', or_number=True),
+    Parameter('accuracy', '', 'Largest position error allowed, in metres; empty: as in the scene', or_number=True),
     Parameter('start_s', _AS_SCENE, 'Time of the first tick in seconds; negative: as in the scene', -1.0,
               LONGEST_RUN_S),
     Parameter('stop_s', _AS_SCENE, 'Time of the end of the run in seconds; negative: as in the scene', -1.0,

@@ -117,7 +117,7 @@ def run_metadata(text: str, scene: Scene | None, recorder: Mapping[str, str]) ->
     record = {'scene': text, **{f'about.{_text(key)}': _text(value) for key, value in _about(text).items()}}
     if scene is not None:
         model = compile_scene(scene)
-        record |= {'tier': model.tier.name, 'promise_m': repr(model.promise_m),
+        record |= {'promise_m': repr(model.promise_m),
                    'effects': ', '.join(scene.effects.names)}
     return record | {f'recorder.{key}': value for key, value in recorder.items()}
 

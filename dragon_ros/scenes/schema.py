@@ -10,8 +10,8 @@ from typing import Any, get_args, get_origin
 
 from dragon_ros.core.chain.head_law import LEADERS, RAMPS
 from dragon_ros.core.flags import MEANINGS
+from dragon_ros.core.promise import REQUESTS
 from dragon_ros.core.scene import MARKERS, SOLVERS, Scene
-from dragon_ros.core.tiers import TIERS
 from dragon_ros.scenes.head_laws import PLUGIN
 from dragon_ros.scenes.load import PARTS, SECTIONS
 
@@ -45,8 +45,8 @@ def scene_schema() -> Schema:
     parts['head']['oneOf'].append(_PLUGIN)
     parts['venue']['properties'] |= _VENUE_FILE
     defaults = Scene()
-    parts['accuracy'] = {'description': 'largest position error in metres, or a tier', 'default': defaults.accuracy,
-                         'anyOf': [{'type': 'number', 'exclusiveMinimum': 0}, {'enum': list(TIERS)}]}
+    parts['accuracy'] = {'description': 'largest position error allowed, in metres', 'default': defaults.accuracy,
+                         'anyOf': [{'type': 'number', 'exclusiveMinimum': 0}, {'enum': ['paper', *REQUESTS]}]}
     parts['effects'] = {
         'description': 'results to simulate besides the handles', 'type': 'array', 'default': defaults.effects.names,
         'items': {'oneOf': [{'const': effect.names[0], 'description': text} for effect, text in MEANINGS.items()]}}

@@ -279,7 +279,7 @@ def test_check_takes_a_speed_of_minus_nothing_for_rest(capsys, tmp_path):
         return [bytes(data)]
     code, out, _ = run(capsys, 'inspect', changed(rest, other, change, OTHER_MACHINE), '--check')
     assert code == 0
-    assert '6 are within the accuracy' in out
+    assert '6 are within the promise' in out
 
 
 def test_check_distinguishes_other_bits_within_the_promise_from_wrong_values(capsys, tmp_path, bag):
@@ -296,7 +296,7 @@ def test_check_distinguishes_other_bits_within_the_promise_from_wrong_values(cap
     values = json.loads(out)
     assert (code, values['equal'], values['close'], values['fault_count']) == (0, 3 * TICKS - 1, 1, 0)
     assert 0 < values['worst_m'] < 1e-12
-    assert '1 is within the accuracy of tier exact' in run(capsys, 'inspect', near, '--check')[1]
+    assert '1 is within the promise' in run(capsys, 'inspect', near, '--check')[1]
     alike = changed(bag, tmp_path / 'alike.mcap', moved(1e-13))
     assert 'tick 5: handles differs' in run(capsys, 'inspect', alike, '--check')[1]     # the machine is this one
     far = changed(bag, tmp_path / 'far.mcap', moved(1e-9))
@@ -355,7 +355,7 @@ def test_a_bag_made_with_another_kernel_keeps_the_promise_on_every_topic_and_che
                    env=os.environ | {'NPY_DISABLE_CPU_FEATURES': ' '.join(features)})
     code, out, _ = run(capsys, 'inspect', path, '--check')
     assert code == 0, out
-    assert 'are within the accuracy of tier exact but not bit-identical' in out
+    assert 'are within the promise but not bit-identical' in out
     assert ', 0 are not' in out
     assert f"made with another kernel: cpu_features fewer, here {shown(' '.join(features))}" in out
 
@@ -460,7 +460,7 @@ def test_inspect_shows_the_scene_of_a_cut_bag(capsys, tmp_path, bag, messages_ar
     assert 'scene: 223 benches, pitch 0.55 m, 50 Hz from 412.2 s' in out
     assert 'is truncated and has no index' in out
     values = json.loads(run(capsys, 'inspect', cut, '--format', 'json')[1])
-    assert values['about']['tier'] == 'exact'
+    assert values['about']['promise_m'] == '2e-12'
     assert ('start_s' in values) == messages_are_left
     if messages_are_left:
         assert values['first_contact']['benches'] == [0, 8]

@@ -15,7 +15,7 @@ COMMANDS = {
     'table --set dragon.benches=-3': 'give at least 1', 'table --set dragon.bench=5': 'did you mean benches',
     'table --set track.pitch_m=0': 'more than 0', 'table --scene windig': 'did you mean winding',
     'table --scene bad.yaml': 'bad.yaml:1: dragon.benches', 'table --scene text.txt': 'not a mapping',
-    'table --scene nowhere.yaml': 'cannot be read', 'table --accuracy quick': 'the tiers are',
+    'table --scene nowhere.yaml': 'cannot be read', 'table --accuracy quick': 'the names are',
     'table --output t.xls': 'the formats are', 'table --output t.xlsx --format csv': 'conflicts',
     'table --output nowhere/t.csv': 'cannot be written', 'table a.mcap': 'is not an MCAP file',
     'table winding': 'write --scene winding',

@@ -17,64 +17,55 @@ from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import ChainLockError, FieldError
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.scene import SOLVERS, Run, Scene
+from dragon_ros.core.promise import LEAST_M, speed_promise_m_s
+from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.tiers import EXACT, position_promise_m, speed_promise_m_s, tier_for
 from dragon_ros.core.tracks import spiral
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve, first_guess
 from hard_cases import hard_cases
 from hard_cases.truth import truth
 
-PROMISING = ['preview', 'standard', 'fine', 'exact']
+OURS = ('table', 'march')
 CASES = {problem.name: problem for problem in hard_cases()}
 LONG = ('most-benches', 'longest-chain')
 
 
-def worst_errors(problem, tier, solver='march'):
-    """Return a problem's worst position and speed errors, relative to the promises, and the number of evaluations."""
-    scene = replace(problem.scene, accuracy=tier, solver=solver)
+def worst_errors(problem, solver='march'):
+    """Return a problem's worst position and speed errors, relative to the promises."""
+    scene = replace(problem.scene, solver=solver)
     simulation = compile_scene(scene)
     known, handles = truth(problem), list(problem.handles)
-    position = speed = spent = 0
+    position = speed = 0
     for number, t_s in enumerate(problem.times_s):
         chain = state(scene, t_s)
         condition = conditioning(chain)
-        spent += chain.evaluations
         off = np.max(known.distance(number, chain.p[handles]))
-        position = max(position, off / position_promise_m(simulation.tier, simulation.size_m, condition))
-        allowed = speed_promise_m_s(simulation.tier, simulation.size_m,
-                                    simulation.model.length_m / scene.dragon.benches, condition,
+        position = max(position, off / (simulation.promise_m * condition))
+        allowed = speed_promise_m_s(simulation.promise_m, simulation.model.length_m / scene.dragon.benches, condition,
                                     scene.head.speed_at_m_s(t_s))
-        v_off = speed_error_m_s(scene, chain, t_s, known, number, handles)
+        v = velocity_of(scene, chain, t_s)[handles]
+        v_off = np.max(np.hypot(*(v - known.high[number, :, 2:] - known.low[number, :, 2:]).T))
         speed = max(speed, v_off / allowed if allowed else float(v_off > 0))
-    return position, speed, spent
-
-
-def speed_error_m_s(scene, chain, t_s, known, number, handles):
-    """Return the largest error of signed speeds if the reference has them, and of velocities otherwise."""
-    v = velocity_of(scene, chain, t_s)[handles]
-    if known.high.shape[2] == 3:
-        found = -np.sum(v * chain.tangents[handles], axis=-1)       # positive inwards
-        return np.max(np.abs(found - known.high[number, :, 2] - known.low[number, :, 2]))
-    return np.max(np.hypot(*(v - known.high[number, :, 2:] - known.low[number, :, 2:]).T))
+    return position, speed
 
 
 @pytest.mark.parametrize(('name', 'solver'), thinned(
-    [(name, solver) for solver in SOLVERS for name in CASES],
+    [(name, solver) for solver in OURS for name in CASES],
     lambda case: case[0] not in LONG and [*CASES].index(case[0]) % (2 if case[1] == 'march' else 4) == 0))
-def test_every_tier_keeps_its_promise_on_every_hard_case(name, solver, request):
-    # The march is bit-identical at every tier (see below), so the tightest promise implies the others. A table for a
-    # hundred thousand links takes a second to build.
-    tiers = ['exact'] if solver == 'march' or name in LONG else ['preview', 'exact']
-    for tier in PROMISING if request.config.getoption('--long') else tiers:
-        try:
-            position, speed, _ = worst_errors(CASES[name], tier, solver=solver)
-        except FieldError:
-            assert tier in ('standard', 'fine'), 'only these tiers may require more than floats; exact adapts'
-            continue
-        assert position <= 1, tier
-        assert speed <= 1, tier
+def test_the_promise_holds_on_every_hard_case(name, solver):
+    position, speed = worst_errors(CASES[name], solver)
+    assert position <= 1
+    assert speed <= 1
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_the_promise_is_at_most_a_tenth_of_a_micrometre_in_the_world(name):
+    assert compile_scene(CASES[name].scene).promise_m <= 1e-7
+
+
+def test_the_promise_of_the_classic_dragon_is_two_picometres():
+    assert compile_scene(Scene()).promise_m == LEAST_M
 
 
 def test_exact_is_within_1e_12_m_of_the_reference_on_the_whole_classic_run():
@@ -91,30 +82,32 @@ def test_links_that_are_solved_one_step_less_break_the_exact_promise(monkeypatch
         if 'lock' in name or simulation.size_m > 20 or simulation.size_m < 1e-2:
             continue
         assert simulation.end       # computed before the step is changed
-        loose = sqrt(0.5 * 1e3 * EXACT.promise_m / simulation.model.length_m)
+        loose = sqrt(0.5 * 1e3 * LEAST_M / simulation.model.length_m)
         for module in (spiral, forward):
             monkeypatch.setattr(module, 'TIGHT', loose)
-        if worst_errors(problem, 'exact')[0] > 1:
+        if worst_errors(problem)[0] > 1:
             broken.append(name)
         monkeypatch.undo()
     assert broken
 
 
-@pytest.mark.parametrize('name', ['classic', 'mixed', 'turning'])
-def test_every_tier_marches_to_the_last_bit(name):
-    scene, t_s = replace(CASES[name].scene, solver='march'), CASES[name].times_s[0]
-    bits = [state(replace(scene, accuracy=tier), t_s).p.tobytes() for tier in PROMISING]
-    assert len(set(bits)) == 1
-
-
-def test_accuracy_beyond_floats_is_refused_with_what_can_be_had():
-    with pytest.raises(FieldError, match='floats resolve only 2e-12 m'):
+def test_a_request_is_checked_against_the_promise():
+    with pytest.raises(FieldError, match='floats keep 2e-12 m in this scene; give 2e-12 or more, or exact'):
         compile_scene(Scene(accuracy=1e-16))
     far = Spiral(0.55, 760.0)
-    with pytest.raises(FieldError, match='choose .* or more, or exact'):
-        compile_scene(Scene(track=far, accuracy=1e-11))
-    assert compile_scene(Scene(track=far, accuracy='exact')).promise_m > 1e-11
-    assert compile_scene(Scene(track=far, accuracy=1e-3)).tier.name == 'preview'
+    with pytest.raises(FieldError, match='give .* or more, or exact'):
+        compile_scene(Scene(track=far, accuracy='fine'))
+    for accuracy in ('exact', 'standard', 'preview', 1e-8):
+        assert 1e-9 < compile_scene(Scene(track=far, accuracy=accuracy)).promise_m < 1e-8
+    for bad in (0.0, -1.0, 'superb', float('nan')):
+        with pytest.raises(FieldError, match='accuracy'):
+            Scene(accuracy=bad)
+
+
+def test_the_accuracy_paper_of_older_scenes_is_the_solver_paper():
+    assert Scene(accuracy='paper') == Scene(solver='paper')
+    assert compile_scene(Scene(solver='paper')).promise_m == np.inf
+    assert Scene(solver='paper').exactly == Scene()
 
 
 @pytest.mark.parametrize('k', range(0, 7, 2))
@@ -180,19 +173,12 @@ def test_the_last_representable_tick_before_the_lock_is_computed():
 # Building the tile of `long` takes a while.
 @pytest.mark.parametrize('name', thinned([name for name in CASES if name not in LONG],
                                          lambda name: [*CASES].index(name) % 4 == 0))
-def test_many_states_at_once_keep_the_promise_too(name, request):
+def test_many_states_at_once_keep_the_promise_too(name):
     problem = CASES[name]
-    conditions = [conditioning(state(problem.scene, t_s)) for t_s in problem.times_s]
-    for tier in PROMISING if request.config.getoption('--long') else ['preview', 'exact']:
-        scene = replace(problem.scene, accuracy=tier)
-        try:
-            simulation = compile_scene(scene)
-        except FieldError:
-            assert tier in ('standard', 'fine'), 'only these tiers may require more than floats; exact adapts'
-            continue
-        for number, p in enumerate(states(scene, problem.times_s).p):
-            promise_m = position_promise_m(simulation.tier, simulation.size_m, conditions[number])
-            assert np.max(truth(problem).distance(number, p[list(problem.handles)])) <= promise_m, tier
+    promise_m = compile_scene(problem.scene).promise_m
+    for number, p in enumerate(states(problem.scene, problem.times_s).p):
+        condition = conditioning(state(problem.scene, problem.times_s[number]))
+        assert np.max(truth(problem).distance(number, p[list(problem.handles)])) <= promise_m * condition
 
 
 @pytest.mark.parametrize('name', ['classic', 'inner-turn', 'largest-pitch'])
@@ -230,17 +216,3 @@ def test_the_papers_steps_are_whole_hundredths():
     assert paper.steps_of(412.2) == 41220
     with pytest.raises(FieldError, match=r'0\.01 s'):
         state(Scene(accuracy='paper'), 0.005)
-
-
-def test_exact_is_the_default():
-    assert compile_scene(Scene()).tier is EXACT
-
-
-def test_metres_choose_the_tier_that_keeps_them():
-    assert tier_for(1e-9).name == 'fine'
-    assert tier_for(9e-10) is EXACT
-    assert tier_for(100.0).name == 'preview'
-    assert tier_for('exact') is EXACT
-    for bad in (1e-16, 0.0, -1.0, 'superb', float('nan')):
-        with pytest.raises(FieldError, match='accuracy'):
-            tier_for(bad)

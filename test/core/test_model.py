@@ -22,15 +22,16 @@ CLASSIC = Scene()
 @pytest.mark.parametrize('other', [
     Scene(), replace(CLASSIC, run=Run(400, 413)), replace(CLASSIC, head=Head(2.5)),
     replace(CLASSIC, head=Profile(((0.0, 1.0), (5.0, 2.0)))), replace(CLASSIC, effects=Effect.NONE),
-    replace(CLASSIC, markers='triangles'), Scene(dragon=Dragon(223, 3.41, 2.2)), replace(CLASSIC, accuracy=2e-12)],
-    ids=['equal', 'run', 'speed', 'law', 'effects', 'markers', 'spelt out', 'metres'])
-def test_scenes_that_share_dragon_track_leader_solver_and_tier_share_one_model(other):
+    replace(CLASSIC, markers='triangles'), Scene(dragon=Dragon(223, 3.41, 2.2)), replace(CLASSIC, accuracy=2e-12),
+    replace(CLASSIC, accuracy='preview')],
+    ids=['equal', 'run', 'speed', 'law', 'effects', 'markers', 'spelt out', 'metres', 'old name'])
+def test_scenes_that_share_dragon_track_leader_and_solver_share_one_model(other):
     assert compile_scene(other).model is compile_scene(CLASSIC).model
 
 
 @pytest.mark.parametrize('other', [
-    Scene(dragon=Dragon(222)), Scene(track=Spiral(0.56)), Scene(solver='march'), Scene(accuracy='fine'),
-    Scene(head=Head(lead='tail'))], ids=['dragon', 'track', 'solver', 'tier', 'leader'])
+    Scene(dragon=Dragon(222)), Scene(track=Spiral(0.56)), Scene(solver='march'), Scene(head=Head(lead='tail'))],
+    ids=['dragon', 'track', 'solver', 'leader'])
 def test_scenes_that_differ_in_one_of_these_do_not(other):
     assert compile_scene(other).model is not compile_scene(CLASSIC).model
 
@@ -82,19 +83,12 @@ def test_models_are_kept_in_bytes(monkeypatch):
     assert sum(model.memory_bytes for model in model_module._COMPILED._models.values()) <= 4.5 * one
 
 
-def test_metres_choose_the_tier_that_keeps_them_as_far_out_as_the_run_goes():
-    far = Scene(track=Spiral(0.55, 750.0), accuracy=1e-10)
-    assert compile_scene(far).tier.name == 'exact'
-    assert 2e-11 < compile_scene(far).promise_m <= 1e-10
-    assert compile_scene(replace(far, accuracy=1e-9)).tier.name == 'fine'
-
-
 @pytest.mark.parametrize(('scene', 'error', 'says'), [
     (Scene(track=Composite((Line(10.0), Arc(3.0, 90.0, at_m=(10.0, 0.001))))), FieldError, r'track\.pieces\.2\.at_m'),
     (Scene(track=Composite((Line(9.0), Arc(1.44, 90.0)))), FieldError, 'bends tighter than 1.44444 m'),
     (Scene(track=STurn(ratio=2.3)), FieldError, 'bends tighter than 1.44444 m'),
     (Scene(track=Composite((Line(9.0),), start_m=9.5)), FieldError, r'track\.start_m'),
-    (Scene(accuracy=1e-12), FieldError, 'choose 2e-12 m or more'),
+    (Scene(accuracy=1e-12), FieldError, 'give 2e-12 or more, or exact'),
     (Scene(track=Composite((Line(9.0, (9995.0, 0.0)),))), FieldError, 'the world ends at 10000 m')],
     ids=['joint', 'bend', 'turn', 'start', 'accuracy', 'world'])
 def test_what_only_a_track_in_the_plane_can_tell_is_refused_when_the_scene_is_compiled(scene, error, says):
@@ -151,7 +145,7 @@ def test_what_is_certain_without_a_search_ends_before_the_chain_locks(dragon, pi
 
 def test_a_model_goes_with_its_tables_when_nobody_holds_it():
     known = compile_scene(Scene()).model
-    model = Model(known.dragon, known.spec, known.lead, known.solver, known.tier)
+    model = Model(known.dragon, known.spec, known.lead, known.solver)
     model.place((5.0, 0.0))
     shift, = model.placement.maps.values()
     held = weakref.ref(model), weakref.ref(shift)

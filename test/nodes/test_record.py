@@ -118,7 +118,7 @@ def test_a_bag_alone_makes_its_run_again(start, tmp_path):
     told = received(bag)
     scene = strangers_scene('told', told['dragon_ros']['scene'])
     assert scene == load_scene('first_contact', [*SHORT, 'accuracy=1e-6'])
-    assert (told['dragon_ros']['tier'], told['dragon_ros']['about.on_contact']) == ('standard', 'continue')
+    assert (told['dragon_ros']['promise_m'], told['dragon_ros']['about.on_contact']) == ('2e-12', 'continue')
     assert told['dragon_ros.received']['complete'] == 'true'
     assert told['dragon_ros.received']['/dragon/handles ticks'] == '0-25'
     with bag.open('rb') as file:

@@ -44,11 +44,11 @@ def test_another_kernel_is_one_of_which_numpy_or_kernels_are_recorded_and_are_ot
     assert other_kernel(made | {'about.cpu_features': f'{features} MMX2'}) == "cpu_features 'MMX2', here fewer"
 
 
-def test_metadata_has_scene_tier_effects_versions_and_recorder_as_text():
+def test_metadata_has_scene_promise_effects_versions_and_recorder_as_text():
     text = scene_file(SCENES[1])
     told = run_metadata(text, SCENES[1], {'output': 'run.mcap'})
     assert told['scene'] == text
-    assert (told['tier'], told['promise_m'], told['effects']) == ('standard', '1e-06', '')
+    assert (told['promise_m'], told['effects']) == ('2e-12', '')
     assert told['recorder.output'] == 'run.mcap'
     assert told['about.dragon_ros'] == __version__
     assert all(isinstance(value, str) for value in told.values())
@@ -59,7 +59,7 @@ def test_metadata_has_scene_tier_effects_versions_and_recorder_as_text():
 def test_a_scene_that_cannot_be_read_is_kept_as_it_is(text):
     told = run_metadata(text, None, {})
     assert told['scene'] == text
-    assert 'tier' not in told
+    assert 'promise_m' not in told
 
 
 @pytest.mark.parametrize('text', ['', 'a', 'abc', 'über: 龙\n'])

@@ -95,7 +95,7 @@ def test_an_empty_file_is_the_classic_scene():
     ('head: {kind: profile, knots: [1, 2]}', r'f:1: head.knots: .* is not a list of pairs'),
     ('head: {kind: profile, knots: [[0, fast]]}', r'f:1: head.knots.1: .fast. is not valid: it is text'),
     ('head: {lead: middle}', r'f:1: head.lead: .middle.'),
-    ('accuracy: paper\nhead: {lead: tail}', r'f:1: accuracy: .paper.* one spiral, led by the head'),
+    ('accuracy: paper\nhead: {lead: tail}', r'f: solver: .paper.* one spiral, led by the head'),
 ], ids=lambda text: text[:40])
 def test_bad_scenes_name_file_line_and_key_with_and_without_libyaml(monkeypatch, text, says):
     for fast in (True, False):

@@ -1,7 +1,7 @@
-"""Compare a bag with the model tick by tick: bit for bit or, if bits may differ, to within its tier's promise.
+"""Compare a bag with the model tick by tick: bit for bit or, if bits may differ, to within the scene's promise.
 
 The last bits differ between versions of this software and between kernels of BLAS and numpy. If a bag names another
-version or other kernels, its numbers must agree to within twice the tier's promise, because each side may be wrong by
+version or other kernels, its numbers must agree to within twice the promise, because each side may be wrong by
 up to one promise.
 
 Every message in the bag is either compared or listed as unchecked, with the reason. A message that is missing between
@@ -27,9 +27,9 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Array, Ints
+from dragon_ros.core.promise import speed_promise_m_s
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import contact_frame, led_tick, tick, ticks_before
-from dragon_ros.core.tiers import position_promise_m, speed_promise_m_s
 from dragon_ros.core.words import counted
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
@@ -86,7 +86,7 @@ class _Fault(NamedTuple):
 class Comparison:
     """The result of a comparison: counts of bit-identical and ``close`` messages, and one line per range of faults.
 
-    ``close`` counts messages that agree to within twice the tier's promise (one promise per side); ``worst_m`` is the
+    ``close`` counts messages that agree to within twice the promise (one promise per side); ``worst_m`` is the
     largest position difference in a close message. ``fault_count`` counts missing, extra and different messages;
     ``missing_count`` counts only missing messages. ``other_version`` is the version that made the bag, if it differs
     from this one; ``other_kernel`` names the bag's numpy and kernels, if they differ from this machine's. In both
@@ -460,7 +460,7 @@ def _matches(result: Comparison, scene: Scene, name: str, wanted: bytes | None, 
 
 
 def _nearly(scene: Scene, kind: str, wanted: bytes, found: bytes) -> bool:
-    """Return whether two messages differ only in numbers, and by at most twice the tier's promise."""
+    """Return whether two messages differ only in numbers, and by at most twice the promise."""
     promise_m = compile_scene(scene).promise_m
     try:
         expected, got = (list(_leaves(decode(kind, data))) for data in (wanted, found))
@@ -545,10 +545,9 @@ def _compare(result: Comparison, name: str, k: int, frame: Frame, wanted: bytes,
 
 
 def _allowed_m(frame: Frame, scene: Scene) -> float:
-    """Return the tolerance: twice the tier's promise (once for each side), or 0 for a tier without a promise."""
-    compiled = compile_scene(scene)
-    promise_m = position_promise_m(compiled.tier, compiled.size_m, conditioning(frame.chain))
-    return 2 * promise_m if promise_m < inf else 0.0
+    """Return the tolerance: twice the promise (once for each side), or 0 for the paper's solver, which has none."""
+    promise_m = compile_scene(scene).promise_m
+    return 2 * promise_m * conditioning(frame.chain) if promise_m < inf else 0.0
 
 
 def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, result: Comparison) -> float:
@@ -582,7 +581,7 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, r
 def _in_metres(off_m_s: float, frame: Frame, scene: Scene) -> float:
     """Convert a speed error to the position error that is the same fraction of the promise for positions."""
     compiled = compile_scene(scene)
-    one = speed_promise_m_s(compiled.tier, compiled.size_m, compiled.model.length_m / scene.dragon.benches,
+    one = speed_promise_m_s(compiled.promise_m, compiled.model.length_m / scene.dragon.benches,
                             conditioning(frame.chain), _speed_m_s(frame, scene))
     return off_m_s / one * compiled.promise_m if one else inf if off_m_s else 0.0
 

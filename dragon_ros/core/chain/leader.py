@@ -12,6 +12,7 @@ from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
+from dragon_ros.core.tracks.spiral import SpiralSegment
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,6 +111,16 @@ class Leader:
     def plane_m(self, extent_m: tuple[float, float]) -> float:
         """Return an upper bound on the distance of any handle from the origin, however far centres of arcs are."""
         return self.size_m(extent_m) if self.track.may_lock else self.track.plane_m(*self.span_m(extent_m))
+
+    def longest_m(self, extent_m: tuple[float, float]) -> float:
+        """Return the largest coordinate (m) along the track: from its origin and, on spirals, from their centres."""
+        spiral = self.track.from_afar
+        if self.track.may_lock and spiral:
+            return self.size_m(extent_m) ** 2 / (2 * spiral.curve.b_m)
+        low_m, high_m = self.span_m(extent_m)
+        wound = (0.5 * segment.curve.b_m * max(a, b) ** 2 for segment, a, b in self.track.between(low_m, high_m)
+                 if isinstance(segment, SpiralSegment))
+        return max(abs(low_m), abs(high_m), *wound)
 
     def span_m(self, extent_m: tuple[float, float]) -> tuple[float, float]:
         """Return the interval of the track that the handles occupy over a range of travel.

@@ -42,9 +42,9 @@ from dragon_ros.core.geometry.signed_distance import CORNERS
 from dragon_ros.core.model import Model, compile_scene
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
+from dragon_ros.core.promise import PER_METRE
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.driver import Boxes, InOrder, divisible, run
-from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
@@ -208,8 +208,8 @@ def _reach(ranges: 'HandleRanges', kinds: list[Ints], search: _Reaching, side: i
     high_m = max(low_m, float(search.best[side]), float(search.high[side]))
     simulation = compile_scene(scene)
     lever = float(corner_levers(scene.dragon, simulation.model.track.bend)[bench])
-    promise_m = EXACT.promise_for_m(simulation.size_m)      # corners beyond the handles have larger rounding errors
-    high_m += lever * promise_m + EXACT.promise_for_m(max(simulation.size_m, abs(high_m))) - promise_m
+    # Corners beyond the handles have larger rounding errors.
+    high_m += lever * simulation.promise_m + PER_METRE * max(0.0, abs(high_m) - simulation.size_m)
     return Reach(SIDES[side], low_m, high_m, bench, CORNERS[corner], t_s, (x, y))
 
 
@@ -330,8 +330,8 @@ class HandleRanges:
     """
 
     def __init__(self, scene: Scene) -> None:
-        """Compile a scene at the exact tier."""
-        self.scene = replace(scene, accuracy='exact', solver='march')
+        """Compile a scene with the march."""
+        self.scene = replace(scene, solver='march')
         run, law = scene.run, scene.head
         inside = [t_s for t_s in law.breaks_s if run.start_s < t_s < compile_scene(scene).end.t_s]
         self._times_s = [run.start_s, *inside, compile_scene(scene).end.t_s]

@@ -45,7 +45,7 @@ class Contact:
     For a contact with an obstacle, ``benches`` has one element, and ``obstacle`` describes the obstacle's side. If the
     smallest gap is zero to within the position error, contact is undecided and ``grazing_m`` bounds this gap; otherwise
     ``grazing_m`` is None. ``simultaneous`` lists the other pairs that touch within the uncertainty; each pair consists
-    of two benches, or of a bench and the name of an obstacle. The uncertainty is the error of a gap at the exact tier
+    of two benches, or of a bench and the name of an obstacle. The uncertainty is the promised error of a gap
     divided by the approach speed. ``states`` is the number of states evaluated.
     """
 

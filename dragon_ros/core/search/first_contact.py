@@ -36,7 +36,7 @@ class Part(Protocol):
 
 
 def first_contact(scene: Scene, progress: Callable[[int], object] = lambda states: None) -> Contact | NoContact:
-    """Return the first contact of the scene's run, at the exact tier, or NoContact if the run ends without a contact.
+    """Return the first contact of the scene's run, placed accurately, or NoContact if the run ends without a contact.
 
     ``progress(states)`` is called with the number of states evaluated since the last call. In a venue, touching an
     obstacle also counts as a contact. Raises FieldError if the dragon does not start inside its venue and clear of

@@ -37,7 +37,6 @@ from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.driver import Boxes, InOrder, divisible, run
-from dragon_ros.core.tiers import best_m
 from dragon_ros.core.tracks.composite import Track
 from dragon_ros.core.tracks.segments import BEHIND
 
@@ -201,10 +200,9 @@ class _Speeding(InOrder):
 
     def _relative(self, states: 'SpeedStates') -> Floats:
         """Return the largest position error from the leader to each handle (K+1,), divided by the mean link length."""
-        mean_m = compile_scene(self._scene).model.length_m / self._scene.dragon.benches
-        if not mean_m:      # all handles coincide
-            return np.zeros(1)
-        return np.array([best_m(size) / mean_m for size in np.maximum.accumulate(states.size_m).tolist()])
+        simulation = compile_scene(self._scene)
+        mean_m = simulation.model.length_m / self._scene.dragon.benches
+        return np.full(states.size_m.shape, simulation.promise_m / mean_m)
 
     def _states(self, times_s: Floats) -> 'SpeedStates':
         self._looks += times_s.size

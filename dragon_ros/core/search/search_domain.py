@@ -26,7 +26,6 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import bracketed_newton, illinois
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import Place
 from dragon_ros.core.tracks.segments import BEHIND
 
@@ -142,11 +141,11 @@ class SearchDomain:
     def __init__(self, scene: Scene, travel: RangeOfTravel, sense: int, progress: Callable[[int], object]) -> None:
         """Cover travel forwards (``sense`` 1) or backwards (-1)."""
         self.scene, self.dragon, self.sense, self.states = scene, scene.dragon, sense, 0
-        simulation = compile_scene(scene)
+        simulation = compile_scene(scene.exactly)
         self.simulation, self.leader, self.track = simulation, simulation.model.leader, simulation.model.track
         self._travel, self._tell = travel, progress
         # The errors of handles and of gaps, and what a lower bound on a gap must exceed: the gap's error at two states.
-        self.error_m = EXACT.promise_for_m(simulation.size_m)
+        self.error_m = simulation.promise_m
         self.gap_error_m = 2 * self.error_m * float(np.max(corner_levers(self.dragon, self.track.bend)))
         self.tolerance_m = 2 * self.gap_error_m
         self.slack_m = max(_SLACK_M, _PROMISES * self.error_m)
@@ -188,7 +187,7 @@ class SearchDomain:
         if gone_m.size <= _FEW:
             return stack([self.chain(one) for one in gone_m.tolist()])
         gone = gone_m, np.zeros_like(gone_m)
-        if gone_m.size > _MANY and self.simulation.tier is EXACT:       # ``error_m`` is the promise of the exact tier
+        if gone_m.size > _MANY:
             return self.simulation.model.place_many(gone)
         return marched_many(self.track, self.dragon.link_lengths_m, self.leader.places(gone), self.leader.direction)
 

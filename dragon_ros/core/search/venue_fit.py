@@ -20,7 +20,6 @@ from dragon_ros.core.search.bounding_box import HandleRanges, SweptBench, bench_
 from dragon_ros.core.search.driver import Boxes, InOrder, divisible, run
 from dragon_ros.core.search.obstacle_bounds import ObstacleBounds, corners_of
 from dragon_ros.core.search.venue import check_sides
-from dragon_ros.core.tiers import EXACT
 
 _AT_ONCE = 8192     # number of cells that are judged together
 _PARTS = 4          # number of parts into which a cell is cut
@@ -219,7 +218,7 @@ def _gaps(ranges: HandleRanges, kinds: list[Ints], search: '_Nearing') -> list[O
         edges = np.concatenate([np.arange(firsts[number], firsts[number + 1]) for number in numbers])
         gap_m = bounds.gaps(states.rows(np.repeat(np.arange(len(numbers)), sizes)), edges)
         least = np.minimum.reduceat(gap_m, np.cumsum(sizes) - sizes)
-        error_m = float(levers[benches[0]]) * EXACT.promise_for_m(size_m) + off_m
+        error_m = float(levers[benches[0]]) * simulation.promise_m + off_m
         for row, number in enumerate(numbers):
             high_m = float(least[row])
             bench = int(benches[np.argmax(np.minimum(places[row] - low, high - places[row]))])

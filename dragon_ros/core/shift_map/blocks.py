@@ -17,7 +17,6 @@ from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.shift_map.leader_map import MOST_LINKS, LeaderMap, MappedLinks
 from dragon_ros.core.shift_map.table import Product, ShiftMap, Spot, Spots, links_of_tile
-from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
@@ -273,7 +272,7 @@ class Placement:
         if not self.uses_leader_map or not FEWEST <= self.links_m.size <= MOST_LINKS or not np.any(self.links_m):
             return None
         others = sum(block.stop - block.start for block, shift in self.blocks if not shift)
-        if len(self.maps) == 1 and others < FEWEST and all(shift.tier is EXACT for shift in self.maps.values()):
+        if len(self.maps) == 1 and others < FEWEST:
             # A copy of this placement, because a reference to itself would keep its tables in memory.
             return LeaderMap(self.track, self.links_m, self.direction, replace(self).place_many)
         return LeaderMap(self.track, self.links_m, self.direction,

@@ -12,7 +12,6 @@ from dragon_ros.core.numerics.chebyshev import in_parts, inverse_series, powers_
 from dragon_ros.core.numerics.double_double import plus, product
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.numerics.vectors import complex_of, dot
-from dragon_ros.core.tiers import EXACT, Tier
 from dragon_ros.core.tracks.composite import WIDEST_RAD, Place, Places, Track
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Segment, reach_m
 from dragon_ros.core.tracks.spiral import SpiralSegment
@@ -35,7 +34,7 @@ _SPAN_NODES = 16            # number of terms for a whole span on a spiral; few 
 # hundreds of rows may account for a quarter of it.
 _SPAN_ENDS = 2.0**-46
 _HAIR = 1e-12               # positions closer than this, relative to the distance along the track, are treated as equal
-_FREE = 12_000              # number of multiplications that takes 0.3 times as long as the overhead of the calls
+TRUNCATION = 1e-15      # error at which series are truncated, relative to the coordinates
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +46,7 @@ class Table:
     |x| exceed 1 by up to ``slack`` (L, S). ``inverse`` (L, S, K) holds the coefficients of u(x), the highest power
     first. The series are ``coordinates`` (S, K, R) of the scaled coordinates x, ``places`` (S, K, 2 R) of positions in
     m, and ``motions`` (S, K, 2 R) of velocities for unit speed in row 0. From row r on, the first ``terms[s, r]`` terms
-    are accurate to ``error_m`` (R,); the tier allows errors of up to ``allowed_m`` (R,).
+    are accurate to ``error_m`` (R,).
     """
 
     segment: Ints
@@ -60,7 +59,6 @@ class Table:
     motions: Floats
     terms: Ints
     error_m: Floats
-    allowed_m: Floats
 
     @property
     def rows(self) -> int:
@@ -134,7 +132,6 @@ class _RowSeries:
     origin: tuple[Floats, Floats]     # (R, S)
     leading: slice                    # rows that can hold leaders
     error_m: Floats                   # (R,): the error at which series are truncated
-    allowed_m: Floats                 # (R,): the error that the tier allows
     coordinates: Floats
     places: Floats
     motions: Floats
@@ -191,19 +188,12 @@ def span_of(track: Track, link_m: float, stretch: Stretch) -> Span | None:
     return Span(track, link_m, stretch, [parts[a:b] for a, b in pairwise(ends)], count)
 
 
-def build(span: Span, group: int, tier: Tier) -> Table | None:
-    """Return the table for one group of a span's parts.
-
-    Coarser tiers also use the series of ``exact``, unless these do not converge or a tick would take more than 1.3
-    times as long. The result is None if the series do not converge.
-    """
+def build(span: Span, group: int) -> Table | None:
+    """Return the table for one group of a span's parts, or None if the series do not converge."""
     track, link_m, stretch, parts, count = span.track, span.link_m, span.stretch, span.groups[group], span.rows
     try:
         pieces = [*zip(parts, _series(track, link_m, parts, count), strict=True)]
-        table = _built(track, link_m, pieces, count, stretch, (EXACT, tier))
-        if tier is EXACT or (table and int(np.max(table.terms)) * (2 * stretch.links + 2) <= _FREE):
-            return table
-        return _built(track, link_m, pieces, count, stretch, (tier, tier))
+        return _built(track, link_m, pieces, count, stretch)
     except (TrackEndError, ChainLockError):
         return None
 
@@ -280,12 +270,9 @@ def equal_parts(part: SpanPart, count: int) -> list[SpanPart]:
     return [SpanPart(part.segment, *ends) for ends in pairwise((part.fore, *cuts, part.rear))]
 
 
-def _built(track: Track, link_m: float, first: list[tuple[SpanPart, _Pushed]], count: int, stretch: Stretch,
-           tiers: tuple[Tier, Tier]) -> Table | None:
-    """Cut parts into thirds until all series converge, and return the table; None if they do not converge.
-
-    The first of ``tiers`` determines where series are truncated; the second is the tier of the scene.
-    """
+def _built(track: Track, link_m: float, first: list[tuple[SpanPart, _Pushed]], count: int,
+           stretch: Stretch) -> Table | None:
+    """Cut parts into thirds until all series converge, and return the table; None if they do not converge."""
     # Each piece is a part, its series if they are known, and the error of the part that it was cut from.
     pieces: list[tuple[SpanPart, _Pushed | None, float]] = [(*piece, inf) for piece in first]
     for _ in range(_ROUNDS):
@@ -294,7 +281,7 @@ def _built(track: Track, link_m: float, first: list[tuple[SpanPart, _Pushed]], c
         unknown = [part for part, one, _ in pieces if not one]
         new = iter(_series(track, link_m, unknown, count) if unknown else ())
         pushed = [one or next(new) for _, one, _ in pieces]
-        rows = _together_in_rows(pushed, link_m, stretch, tiers)
+        rows = _together_in_rows(pushed, link_m, stretch)
         if rows.leading.start == rows.leading.stop:
             return None
         with np.errstate(all='ignore'):     # a part as short as its rounding error has no scale and no inverse
@@ -344,8 +331,7 @@ def _series(track: Track, link_m: float, parts: list[SpanPart], count: int) -> l
                     places[n].reshape(NODES, rows, 2), motions[n].reshape(NODES, rows, 2)) for n in range(len(parts))]
 
 
-def _together_in_rows(pushed: list[_Pushed], link_m: float, stretch: Stretch,
-                      tiers: tuple[Tier, Tier]) -> _RowSeries:
+def _together_in_rows(pushed: list[_Pushed], link_m: float, stretch: Stretch) -> _RowSeries:
     """Return the series of all parts, in the rows that these have in common."""
     rows = min(one.segment.size for one in pushed)
     low_m, high_m = stretch.low_m - link_m, stretch.high_m + link_m
@@ -355,10 +341,10 @@ def _together_in_rows(pushed: list[_Pushed], link_m: float, stretch: Stretch,
     # Rows near the origin use the errors of a spiral that holds the whole dragon in turns one link apart.
     far_m = np.max([one.far_m[:rows] for one in pushed], axis=0)
     size_m = np.maximum(far_m, link_m * np.sqrt(stretch.links))
-    error_m, allowed_m = (tier.series_m(size_m) for tier in tiers)
+    error_m = TRUNCATION * size_m
     origin = np.stack([one.origin[:, :rows] for one in pushed], axis=-1)
     return _RowSeries(np.stack([one.segment[:rows] for one in pushed], axis=1), (origin[0], origin[1]), leading,
-                 error_m, allowed_m, np.stack([one.coordinates[:, :rows] for one in pushed]),
+                 error_m, np.stack([one.coordinates[:, :rows] for one in pushed]),
                  *(np.stack([getattr(one, name)[:, :rows].reshape(NODES, -1) for one in pushed])
                    for name in ('places', 'motions')))
 
@@ -513,7 +499,7 @@ def _table(rows: _RowSeries, scaled: tuple[Floats, Floats, Floats], inverse: Flo
     x, p, v = (read_only(np.ascontiguousarray(series[:, :nodes])) for series in (x, rows.places, rows.motions))
     slack = NOISE / half[:, 0, leading].T
     return Table(rows.segment, read_only(np.stack((*centre, scale.T), axis=-1)), leading.start, read_only(slack),
-                 read_only(powers.transpose(1, 0, 2).copy()), x, p, v, terms, rows.error_m, rows.allowed_m)
+                 read_only(powers.transpose(1, 0, 2).copy()), x, p, v, terms, rows.error_m)
 
 
 def _enough(size: Floats) -> Ints:

@@ -204,10 +204,7 @@ def _followers(track: Track, table: Table, rows: Ints, nodes: int) -> tuple[Plac
 
 def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places, followers: tuple[Floats, Floats],
             longest_m: float) -> LeadIn | None:
-    """Fit the series of leaders to the nodes of cells, each on one segment; omit series that do not converge.
-
-    Series that do not converge to the accuracy of the table must at least converge to the accuracy of its tier.
-    """
+    """Fit the series of leaders to the nodes of cells, each on one segment; omit series that do not converge."""
     segment, u, lo = leaders
     centre = u.shape[1] // 2
     origin = u[:, centre], lo[:, centre]
@@ -226,7 +223,7 @@ def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places
         charts = (half * np.maximum(np.abs(inverse), np.abs(x))).T
         last = np.maximum(size, charts)[:, -2:].max(axis=1)
         row = rows[cells // table.parts]
-        error_m = np.where(last <= NOISE * table.error_m[row], table.error_m[row], table.allowed_m[row])
+        error_m = table.error_m[row]
         on = np.flatnonzero(last <= NOISE * error_m)
         half, size, charts = half / error_m, size / error_m[:, None], charts / error_m[:, None]
     if not on.size:

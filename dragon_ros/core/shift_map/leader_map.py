@@ -27,10 +27,17 @@ from dragon_ros.core.errors import ChainLockError, TrackEndError
 from dragon_ros.core.numerics.chebyshev import series_of
 from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
-from dragon_ros.core.shift_map.build import NODES, NOISE, SpanPart, equal_parts, on_one_segment, part_between
+from dragon_ros.core.shift_map.build import (
+    NODES,
+    NOISE,
+    TRUNCATION,
+    SpanPart,
+    equal_parts,
+    on_one_segment,
+    part_between,
+)
 from dragon_ros.core.shift_map.cache import BuildCache
 from dragon_ros.core.shift_map.table import TERMS, Product
-from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
@@ -138,7 +145,7 @@ def _are_too_many(stretches: list[_Stretch]) -> bool:
 
 
 class LeaderMap:
-    """The map from the leader to all handles of a chain, with the series of the tier ``exact``."""
+    """The map from the leader to all handles of a chain."""
 
     def __init__(self, track: Track, links_m: Floats, direction: int, place_many: Callable[[Places], Chain]) -> None:
         """Lay out the stretches without building any; ``place_many`` places the chains of many leaders."""
@@ -220,7 +227,7 @@ class LeaderMap:
         coordinates = ((u - origin[:, 0, :, None]) + (lo - origin[:, 1, :, None])).transpose(0, 2, 1)
         series = [series_of(np.ascontiguousarray(values)) for values in (p, v, coordinates)]
         link_m, far_m = float(np.mean(self.links_m)), np.max(np.abs(p), axis=(1, 2))
-        error_m = EXACT.series_m(np.maximum(far_m, link_m * np.sqrt(self.links_m.size)))
+        error_m = TRUNCATION * np.maximum(far_m, link_m * np.sqrt(self.links_m.size))
         return [_cell(part, segment[n, :, 0], origin[n], (series[0][n], series[1][n], series[2][n]), link_m,
                       float(error_m[n])) for n, part in enumerate(parts)]
 

@@ -30,7 +30,6 @@ from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.shift_map.build import Span, Stretch, Table, build, span_of
 from dragon_ros.core.shift_map.cache import BuildCache
 from dragon_ros.core.shift_map.lead_in import Chart, LeadIn, chart_of, lead_in, towards_leader
-from dragon_ros.core.tiers import Tier
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
@@ -426,14 +425,11 @@ def links_of_tile(links: int, segments: int = 1) -> int:
 
 
 class ShiftMap:
-    """The map from a handle to its followers, for blocks of up to ``links`` links of one length on a track.
+    """The map from a handle to its followers, for blocks of up to ``links`` links of one length on a track."""
 
-    The tables of the map are as accurate as ``tier`` requires.
-    """
-
-    def __init__(self, track: Track, link_m: float, links: int, direction: int, tier: Tier) -> None:
+    def __init__(self, track: Track, link_m: float, links: int, direction: int) -> None:
         """Lay out the tiles without building any."""
-        self.track, self.link_m, self.links, self.direction, self.tier = track, link_m, links, direction, tier
+        self.track, self.link_m, self.links, self.direction = track, link_m, links, direction
         stretch = _STRETCH_LINKS if len(track.segments) == 1 else _STRETCH_JOINED
         self._stretches = links_of_tile(links, len(track.segments)) // stretch    # number per tile
         self.stretch_m, self._before_m = stretch * link_m, _BEFORE_LINKS * link_m
@@ -618,7 +614,7 @@ class ShiftMap:
     def _built(self, key: tuple[int, int]) -> Tile | None:
         number, group = key
         layout = self._layout(number)
-        table = build(layout.span, group, self.tier) if layout else None
+        table = build(layout.span, group) if layout else None
         if layout is None or table is None:
             return None
         first = number * self._stretches

@@ -34,7 +34,7 @@ from dragon_ros.core.tracks.spiral import TIGHT, TINY, SpiralCurve, SpiralSegmen
 _FURTHEST = 1e9
 _ULPS = 2.0**-49    # bound on the sum of a few rounding errors, relative to a coordinate and its distance
 _HAIR = 1e-9        # how far rounding may put the leader beyond the track's end, relative to a distance
-_SLACK = 0.02       # how far an error of the coarsest tier may put a follower beyond the end, relative to a link
+_SLACK = 0.02       # how far a follower may be put beyond the end, relative to a link
 WIDEST_RAD = 1.3    # approximate limit on a link's span on an inward spiral; a wider link may be close to locking
 _ROUNDING = 1e-14   # how far rounding may put a link of zero length beyond the track's end, relative to a coordinate
 _NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # largest difference between the end of a piece and the stated start of the next

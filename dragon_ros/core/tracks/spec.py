@@ -189,6 +189,9 @@ class SpiralArc:
         to_turns = number(f'{name}.to_turns', self.to_turns, low=1e-3, high=1e4)
         if from_turns == to_turns:
             raise FieldError(f'{name}.to_turns', self.to_turns, 'the spiral starts at this value', 'give another value')
+        if pi * pitch_m * max(from_turns, to_turns)**2 > TRACK.high:
+            raise FieldError(f'{name}.pitch_m', self.pitch_m, f'from its centre, the spiral would be longer than '
+                             f'{TRACK.high:g} m', 'give a smaller pitch or fewer turns')
         if self.side not in SIDES:
             raise FieldError(f'{name}.side', self.side, 'a spiral turns left or right', 'give left or right')
         return SpiralArc(pitch_m, from_turns, to_turns, self.side, *_checked_place(name, self))

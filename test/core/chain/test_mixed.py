@@ -60,7 +60,7 @@ def test_a_list_that_spells_out_the_classic_dragon_turns_as_it_does(scene):
 def test_the_papers_recipe_takes_the_classic_list_and_refuses_a_mixed_one():
     assert state(replace(SPELT, accuracy='paper'), 300.0).p.tobytes() == state(
         replace(CLASSIC, accuracy='paper'), 300.0).p.tobytes()
-    with pytest.raises(FieldError, match='accuracy: .paper. .* equal benches behind the head'):
+    with pytest.raises(FieldError, match='solver: .paper. .* equal benches behind the head'):
         Scene(dragon=MIDDLE, accuracy='paper')
 
 

@@ -18,7 +18,6 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.bounding_box import HandleRanges, bench_of, by_length, intervals_of
 from dragon_ros.core.search.obstacle_bounds import ObstacleBounds, least_along
 from dragon_ros.core.search.venue_fit import venue_fit
-from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.spec import Composite, Line
 from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
 from dragon_ros.scenes.load import load_scene
@@ -132,7 +131,7 @@ def test_the_error_of_a_gap_covers_the_rounding_of_a_bench_that_is_wider_than_lo
                   venue=Venue((LineObstacle('wall', ((-50.0, 1e3), (250.0, 1e3))),)))
     simulation = compile_scene(scene)
     levers = corner_levers(wide, simulation.model.track.bend)
-    promise_m = float(levers[0]) * EXACT.promise_for_m(simulation.size_m)
+    promise_m = float(levers[0]) * simulation.promise_m
     assert venue_fit(scene).gaps[0].error_m - promise_m > 0.999 * rounding_m(1e3, 0.5 * (2.2 + 60.0))
 
 

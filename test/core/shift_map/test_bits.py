@@ -17,7 +17,6 @@ from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.model import Model, Simulation
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import frame_of, state, tick
-from dragon_ros.core.tiers import tier_for
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
 from hard_cases import hard_cases
 
@@ -28,7 +27,7 @@ BESIDE = Scene(dragon=Dragon(20), track=Composite((Line(730.0), Arc(10.0, 49.848
 
 def fresh(scene):
     """Return a simulation whose model has computed nothing yet."""
-    return Simulation(scene, Model(scene.dragon, scene.track, scene.head.lead, scene.solver, tier_for(scene.accuracy)))
+    return Simulation(scene, Model(scene.dragon, scene.track, scene.head.lead, scene.solver))
 
 
 def bits(frame):

@@ -24,7 +24,6 @@ from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
 from dragon_ros.core.shift_map.build import Stretch, build, span_of
 from dragon_ros.core.shift_map.table import ShiftMap
 from dragon_ros.core.step import state
-from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import Place, spiral_track, track_of
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
@@ -32,7 +31,7 @@ from hard_cases import hard_cases
 
 CASES = {problem.name: problem for problem in hard_cases()}
 MARCHED = {'centre', 'mixed-lock'}      # six links, and a leader next to its lock
-FAR = {'far-joined', 'far-corner'}      # tables serve only some leaders
+FAR = {'far-corner'}        # tables serve only some leaders
 LONG = {'most-benches', 'longest-chain'}
 TURNING, UNWINDING = CASES['turning'].scene, CASES['unwinding'].scene
 SHORT = Dragon(12, 2.2, 1.6)
@@ -45,7 +44,7 @@ tracks = st.lists(lines | arcs | winds, min_size=1, max_size=7)
 
 def placement(track, links, direction):
     """Return a placement that has its own shift maps, which have no tiles yet."""
-    maps = {link_m: ShiftMap(track, link_m, count, direction, EXACT)
+    maps = {link_m: ShiftMap(track, link_m, count, direction)
             for link_m, count in lengths_with_maps(links).items()}
     return Placement(track, links, direction, maps)
 
@@ -252,14 +251,14 @@ def test_links_that_have_no_length_or_are_too_many_have_no_table():
     track, stretch = track_of(STurn()), Stretch(-50.0, 50.0, 20, BEHIND)
     span = span_of(track, 1.65, stretch)
     assert span
-    assert build(span, 0, EXACT)
+    assert build(span, 0)
     assert span_of(track, 0.0, stretch) is None
     assert span_of(track, 1e-4, stretch) is None
 
 
 @pytest.mark.parametrize('run', [Run(0, 1e6), Run()], ids=['long', 'without end'])
 def test_a_run_however_long_has_the_tiles_where_its_leader_is(run):
-    scene = Scene(track=STurn(), run=run, accuracy='fine')
+    scene = Scene(track=STurn(), run=run)
     for t_s in (3.0, 9e5):
         assert state(scene, t_s).solver == 'table'
     shift, = compile_scene(scene).model.placement.maps.values()
@@ -278,7 +277,7 @@ def test_if_links_have_five_lengths_those_of_the_four_longest_blocks_get_a_shift
 def test_a_tile_of_a_track_is_bounded_and_shows_what_it_takes():
     model = compile_scene(TURNING).model
     link_m, = lengths_with_maps(model.links_m)
-    shift = ShiftMap(model.track, link_m, 222, BEHIND, model.tier)
+    shift = ShiftMap(model.track, link_m, 222, BEHIND)
     shift.spot(model.track.place_at(-10.0))
     table, = (one.table for one in shift.tiles)
     assert table.memory_bytes < 1_300_000

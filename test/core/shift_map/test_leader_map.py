@@ -17,10 +17,10 @@ from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import FieldError, ModelEnd, TrackEndError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.double_double import DoubleDouble
+from dragon_ros.core.promise import speed_promise_m_s
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.shift_map import leader_map
 from dragon_ros.core.shift_map.leader_map import LeaderMap, MappedLinks
-from dragon_ros.core.tiers import position_promise_m, speed_promise_m_s
 from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
@@ -52,12 +52,12 @@ def test_chains_from_a_leader_map_are_those_of_the_march_to_a_tenth_of_the_promi
         covered += 1
         chain, flat = model.march((gone_m, 0.0)), np.empty(2 * model.links_m.size + 2)
         condition = conditioning(chain)
-        promise_m = position_promise_m(simulation.tier, simulation.size_m, condition)
+        promise_m = simulation.promise_m * condition
         mapped.fill(flat)
         np.testing.assert_allclose(flat.reshape(-1, 2), chain.p, rtol=0, atol=0.1 * promise_m)
         mapped.velocities(chain, -float(model.direction), flat)
         mean_m = model.length_m / model.links_m.size
-        speed_m_s = speed_promise_m_s(simulation.tier, simulation.size_m, mean_m, condition, 1.0)
+        speed_m_s = speed_promise_m_s(simulation.promise_m, mean_m, condition, 1.0)
         np.testing.assert_allclose(flat.reshape(-1, 2), chain.velocities(1.0), rtol=0, atol=0.1 * speed_m_s)
         mapped.headings(chain, flat)
         np.testing.assert_allclose(flat.reshape(-1, 2), chain.headings, rtol=0, atol=0.1 * promise_m / mean_m)

@@ -24,7 +24,6 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.shift_map import build
 from dragon_ros.core.shift_map.blocks import Placement, TabulatedLinks, TabulatedStates, lengths_with_maps
 from dragon_ros.core.shift_map.lead_in import towards_leader
-from dragon_ros.core.shift_map.leader_map import MappedLinks
 from dragon_ros.core.shift_map.table import Entrance, ShiftMap
 from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.composite import Place, track_of
@@ -35,7 +34,7 @@ from hard_cases import hard_cases
 
 CLASSIC, MARCHED = Scene(), Scene(solver='march')
 LONG = ('most-benches', 'longest-chain')
-MARCHED_CASES = {'centre', 'mixed-lock', 'far-joined', 'far-corner'}   # six links, near a lock, far coordinates
+MARCHED_CASES = {'centre', 'mixed-lock', 'far-corner'}  # six links, next to a lock, an arc of 10,000 km
 
 
 def tiles(scene):
@@ -48,7 +47,7 @@ def tile(scene, t_s):
     """Return the only tile that a state of a scene needs, built in a new shift map."""
     (link_m, links), = lengths_with_maps(scene.dragon.link_lengths_m).items()
     model = compile_scene(scene).model
-    shift = ShiftMap(model.track, link_m, links, model.direction, model.tier)
+    shift = ShiftMap(model.track, link_m, links, model.direction)
     Placement(model.track, model.links_m, model.direction, {link_m: shift}).place(
         model.leader.place(scene.head.travelled_m(t_s)))
     one, = shift.tiles
@@ -143,14 +142,6 @@ def test_any_dragon_on_the_table_is_where_the_march_puts_it(pitch, turns, benche
     np.testing.assert_allclose(one.p, other.p, rtol=0, atol=0.5 * compile_scene(scene).promise_m * faster)
 
 
-@pytest.mark.parametrize('accuracy', ['preview', 'standard', 'fine'])
-@pytest.mark.parametrize(('track', 't_s'), [(Spiral(), 400.0), (Spiral(), 0.0), (Spiral(0.55, 60.0), 0.0)])
-def test_on_one_spiral_every_tier_has_the_bits_of_the_exact_one(accuracy, track, t_s):
-    exact = Scene(track=track)
-    assert state(replace(exact, accuracy=accuracy), t_s).p.tobytes() == state(exact, t_s).p.tobytes()
-    assert tile(exact, t_s).table.nodes <= 16
-
-
 def test_runs_on_one_track_share_their_bits():
     late = replace(CLASSIC, run=Run(400, 413, 10))
     assert tick(late, 7).chain.p.tobytes() == state(CLASSIC, 400.7).p.tobytes()
@@ -217,37 +208,6 @@ def test_far_out_fewer_terms_are_summed_and_no_digit_is_lost():
                                atol=1e-12)
 
 
-def at_tiers(name, t_s):
-    """Return the chains of a hard case at an instant, at the tiers ``preview`` and ``exact``."""
-    scene = next(case.scene for case in hard_cases() if case.name == name)
-    return [state(replace(scene, accuracy=tier), t_s) for tier in ('preview', 'exact')]
-
-
-@pytest.mark.parametrize(('name', 't_s'), [('turning', 104.0), ('tight', 20.0), ('hairpin', 12.0), ('loop', 8.0)])
-def test_where_it_takes_little_longer_a_coarser_tier_has_the_digits_of_exact(name, t_s):
-    coarse, exact = at_tiers(name, t_s)
-    assert coarse.solver == 'table'
-    assert coarse.p.tobytes() == exact.p.tobytes()
-    assert coarse.velocities(1.0).tobytes() == exact.velocities(1.0).tobytes()
-
-
-@pytest.mark.parametrize('name', ['far-joined', 'hairpin', 'tight'])
-def test_where_no_series_of_exact_end_a_coarser_tier_has_a_table_all_the_same(name):
-    coarse, exact = at_tiers(name, {'far-joined': 20.0, 'hairpin': 8.0, 'tight': 22.0}[name])
-    assert 'march' in exact.solver or isinstance(exact.parts[0], MappedLinks)
-    assert [type(part) for part in coarse.parts] == [TabulatedLinks]
-    assert 2e-12 < np.max(np.abs(coarse.p - exact.p)) < 1e-3
-
-
-@pytest.mark.parametrize(('benches', 'same'), [(250, True), (400, False)])
-def test_of_a_dragon_so_long_that_its_product_takes_longer_a_coarser_tier_has_fewer_terms(benches, same):
-    scene = Scene(dragon=Dragon(benches), track=STurn(before_m=10.0), run=Run(0, 100))
-    coarse, fine, exact = (int(np.max(tile(replace(scene, accuracy=tier), 30.0).table.terms))
-                           for tier in ('preview', 'fine', 'exact'))
-    assert (coarse == fine == exact) is same
-    assert same or coarse < fine < exact
-
-
 def kept(scene):
     """Return how many cells, with their series, are cached for single states of a scene."""
     return sum(len(entrance._cells) for shift in compile_scene(scene).model.placement.maps.values()
@@ -298,7 +258,7 @@ def test_a_mistake_in_looking_up_a_cell_is_not_taken_for_a_place_without_a_table
     dragon = Dragon(benches) if benches > 8 else Dragon(benches, 2.2)
     model = compile_scene(Scene(dragon=dragon)).model
     placement = Placement(model.track, model.links_m, model.direction, {
-        link_m: ShiftMap(model.track, link_m, benches, model.direction, model.tier)
+        link_m: ShiftMap(model.track, link_m, benches, model.direction)
         for link_m in lengths_with_maps(model.links_m)})
     assert 'table' in placement.place(model.leader.place((0.0, 0.0))).solver
     monkeypatch.setattr(Entrance, '_cell', mistaken)
@@ -333,7 +293,7 @@ def test_what_either_of_the_last_two_terms_contributes_is_told_in_units_of_the_e
     series[name][1, term, 2 if name in ('places', 'motions') else 1] = -0.25
     half_m, link_m = LAST[name]
     found = build._left(build._RowSeries(np.zeros((rows, parts), dtype=np.int64), (np.zeros(1), np.zeros(1)),
-                                         slice(0, rows), error_m, error_m, series['coordinates'], series['places'],
+                                         slice(0, rows), error_m, series['coordinates'], series['places'],
                                          series['motions']), series['coordinates'], series['inverse'], 2.0)
     assert found == pytest.approx([0.0, 0.25 * half_m * link_m / 1e-6])
 
@@ -343,7 +303,7 @@ def test_what_either_of_the_last_two_terms_contributes_is_told_in_units_of_the_e
                                    Scene(dragon=Dragon(3), track=Composite((Line(5.0), Arc(6.0, 120.0))))])
 def test_no_place_on_a_track_is_beyond_what_stands_for_its_ends(scene):
     model = compile_scene(scene).model
-    shift, track = ShiftMap(model.track, 1.65, 20, model.direction, model.tier), model.track
+    shift, track = ShiftMap(model.track, 1.65, 20, model.direction), model.track
     (rear, fore), segments = (shift._end(side) for side in (-1, 1)), track.segments
     assert (rear.segment, fore.segment) == (0, len(segments) - 1)
     for end, place, side in ((rear, segments[0].first, -1), (fore, segments[-1].last, 1)):
@@ -370,7 +330,7 @@ def test_series_that_rounding_ends_a_little_early_have_a_table_that_keeps_the_pr
 
 def test_series_that_rounding_ends_far_too_early_have_no_table():
     model = compile_scene(street(40, (50, 80), 1)).model
-    shift = ShiftMap(model.track, 1.65, 222, model.direction, model.tier)
+    shift = ShiftMap(model.track, 1.65, 222, model.direction)
     assert shift._tile(shift._number(model.leader.place((3.0, 0.0)), 2.86) // shift._stretches, 0) is None
 
 
@@ -403,7 +363,7 @@ STREETS = {
 def laid_out(scene):
     """Return the model of a scene, a placement without tables, and its shift map with a layout at the leader."""
     model = compile_scene(scene).model
-    place = replace(model.placement, maps={link_m: ShiftMap(model.track, link_m, links, model.direction, model.tier)
+    place = replace(model.placement, maps={link_m: ShiftMap(model.track, link_m, links, model.direction)
                                            for link_m, links in lengths_with_maps(model.links_m).items()})
     shift, = place.maps.values()
     return model, place, shift
