@@ -5,35 +5,25 @@ and logs a warning. Contacts with known obstacles (``obstacles``) are reported l
 """
 import threading
 import time
-from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Bool
 
-from dragon_ros.core.errors import InputError
 from dragon_ros.core.geometry.contacts import Observation
-from dragon_ros.core.geometry.tracker import NS, ContactTracker, Report
-from dragon_ros.core.limits import INBOX_MESSAGES
+from dragon_ros.core.geometry.tracker import ContactTracker, Report
 from dragon_ros.core.words import counted
-from dragon_ros.messages.bench_reader import BenchReader
 from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels
-from dragon_ros.messages.decode import MessageError, is_empty_array
+from dragon_ros.messages.decode import MessageError
 from dragon_ros.messages.monitor_markers import clearance_marker, report_markers, stamped_clearance, vector_of
-from dragon_ros.messages.observation import observations_of, read_handles
-from dragon_ros.messages.synchronizer import Pair, Synchronizer
 from dragon_ros.nodes import contact_messages as messages
-from dragon_ros.nodes import publisher_queue, publishers, qos, raw_subscription, shell
+from dragon_ros.nodes import publisher_queue, publishers, qos, shell
 from dragon_ros.nodes.base import STEADY, DragonNode
-from dragon_ros.nodes.inbox import Inbox
-from dragon_ros.nodes.logs import Seldom
 from dragon_ros.nodes.obstacles import Obstacles
 from dragon_ros.nodes.params import MONITOR
+from dragon_ros.nodes.tick_reader import TickReader
 
-_TOGETHER_HANDLES = 2**11   # handles of the ticks that are examined together: few enough to stay in the cache
-_PARTNER_S = 10.0       # maximum wait for the other message of a tick; Fast DDS resends lost messages within 3 s
 _HEALTH_S = 1.0         # interval between messages on /diagnostics, in wall time
 _REST_S = 5.0           # maximum time to read what arrived before a signal, which launch sends when the source ends
 _STAMPED = 'clearance/stamped'
@@ -52,118 +42,53 @@ class Monitor(DragonNode):
         super().__init__('monitor', MONITOR, overrides)
         self._warn_below_m = float(self.setting['warn_below_m'])
         rows = channels()
-        self._pairs, self._tracker = Synchronizer(), ContactTracker()
-        self._read: dict[str, Callable[[bytes], Any]] = {'handles': read_handles, 'benches': BenchReader().read}
-        self._sources = {name: publishers.Publishers(self, self.resolve_topic_name(name))
-                         for name in ('handles', 'benches')}
-        self._obstacles = Obstacles(self, self._tracker.surround, lambda: self._inbox.work(),
+        self._tracker = ContactTracker()
+        self._obstacles = Obstacles(self, self._tracker.surround, lambda: self._ticks.work(),
                                     lambda data: self.topic_publishers[_OBSTACLES].publish(data))
-        self._inbox = Inbox(self, self._sources, self._take, self._examine, self._skip, self._obstacles.awaited,
-                            self._obstacles.wait)
-        self._complete: list[tuple[Pair, int]] = []     # ticks to examine, with the sequence numbers of their handles
-        self._unexamined = 0        # number of ticks that are examined after the current one
-        self.pace, self._numbers = messages.Pace(), dict[int, int]()
+        self._ticks = TickReader(self, self._tracker.expect, self._observe, self._skip, self._obstacles.awaited,
+                                 self._obstacles.wait)
+        self.pace = messages.Pace()
         self._several: dict[str, list[str]] = {}
-        self.seen = self.dropped = 0
-        self._seldom = Seldom(1.0)
+        self.seen = 0
         self._changes = messages.Changes()
         names = (*_TOPICS, *([_VECTOR] if self.setting['clearance_vector'] else []))
         self.topic_publishers = {name: self.create_publisher(shell.message_type(row.type), name, qos.of_channel(row))
                                  for name, row in rows.items() if name in names}
         self.topic_publishers['collision/active'].publish(Bool(data=False))
         self.create_timer(_HEALTH_S, self._on_timer, clock=STEADY)
-        for name in self._sources:
-            row = rows[name]
-            raw_subscription.subscribe_raw(self, shell.message_type(row.type), name,
-                                           partial(self._inbox.put, name, row.type), qos.lossless(qos.of_channel(row)),
-                                           self._inbox.work)
+        self._ticks.subscribe()
+
+    @property
+    def dropped(self) -> int:
+        """The number of messages that could not be used."""
+        return self._ticks.dropped
 
     def changed(self, name: str) -> None:
         """Apply a new warning limit, starting with the next tick."""
         self._warn_below_m = float(self.setting['warn_below_m'])
 
-    def _take(self, topic: str, data: bytes, info: Any) -> None:
-        """Read a message; if it belongs to the observed dragon, it may complete a tick, which is then examined."""
-        def take() -> None:
-            if topic == 'benches' and is_empty_array(data):
-                return
-            half, number = self._read[topic](data), raw_subscription.number(info)
-            if self._sources[topic].keeps(number, half.t_ns):
-                if topic == 'handles':
-                    self._number(half.t_ns, number)
-                self._gather(self._pairs.add(topic, half, time.monotonic()))
-        self._guarded(take)
-
-    def _number(self, t_ns: int, number: int) -> None:
-        """Keep the sequence number of handles until their tick is complete."""
-        self._numbers[t_ns] = number
-        if len(self._numbers) > INBOX_MESSAGES:
-            del self._numbers[next(iter(self._numbers))]
-
     def _skip(self) -> None:
         """Report immediately that ticks are skipped."""
-        if self.pace.skip(self._inbox.skipped, time.monotonic()):
+        if self.pace.skip(self._ticks.skipped, time.monotonic()):
             self._publish_health(always=True)
 
     def _on_timer(self) -> None:
         """Drop messages whose counterpart has not arrived, check for other publishers, and publish the diagnostics."""
-        self._several = publishers.several_of(self, (*self._sources.values(), self._obstacles.venue), self._several)
+        sources = (*self._ticks.sources.values(), self._obstacles.venue)
+        self._several = publishers.several_of(self, sources, self._several)
         self._obstacles.look()
-        self._pairs.expire(time.monotonic() - _PARTNER_S)
-        self._drop_unmatched()
+        self._ticks.expire()
         self._publish_health(always=True)
-
-    def _guarded(self, work: Callable[[], None]) -> None:
-        """Call ``work``; if a message is unusable, count and log it, and continue."""
-        try:
-            work()
-        except InputError as error:
-            self._drop(str(error))
-
-    def _drop_unmatched(self) -> None:
-        for topic, t_ns in self._pairs.take_unmatched():
-            other = {'handles': 'benches', 'benches': 'handles'}[topic]
-            self._drop(f'{topic} at {t_ns / NS:.9f} s: no {other} arrived with that stamp')
-
-    def _gather(self, pair: Pair | None) -> None:
-        """Examine ticks once some are complete, because several take less time together than one by one.
-
-        Until a dragon has been chosen, each tick is examined at once, since it decides which messages belong to it.
-        """
-        self._drop_unmatched()
-        if pair is None:
-            return
-        self._complete.append((pair, self._numbers.pop(pair[0].t_ns, 0)))
-        adopted = all(source.streams.has_adopted for source in self._sources.values())
-        if not adopted or len(self._complete) * len(pair[0].poses) >= _TOGETHER_HANDLES:
-            self._examine()
-
-    def _examine(self) -> None:
-        """Examine the complete ticks in order."""
-        complete, self._complete = self._complete, []
-        if not complete:
-            return
-        observed = observations_of([pair for pair, _ in complete])
-        self._tracker.expect([each for each in observed if isinstance(each, Observation)])
-        for n, ((pair, number), each) in enumerate(zip(complete, observed, strict=True), 1):
-            self._unexamined = len(complete) - n
-            self._guarded(partial(self._observe, pair[0].t_ns, number, each))
 
     def _observe(self, t_ns: int, number: int, observed: Observation | MessageError) -> None:
         if self.pace.see(t_ns, number, time.monotonic()):
             self._publish_health(always=True)
         if isinstance(observed, MessageError):
             raise observed
-        for source in self._sources.values():       # their publishers form a dragon: observe it from now on
-            source.streams.adopt(observed.t_ns)
+        self._ticks.adopt(observed.t_ns)
         self._obstacles.see(observed.frame_id, observed.t_ns)
         for report in self._tracker.add(observed):
             self._report(report)
-
-    def _drop(self, why: str) -> None:
-        self.dropped += 1
-        if self._seldom():
-            self.get_logger().warning(f'message dropped ({self.dropped} so far): {why}')
 
     def _report(self, report: Report) -> None:
         """Publish the result of one tick on each topic that has subscribers or whose value has changed."""
@@ -218,7 +143,7 @@ class Monitor(DragonNode):
         last = self._changes.last
         if self._changes.level(messages.level_of(last, self._warn_below_m)) or always:
             status = messages.health_of(dragon, last, self._warn_below_m, self.dropped,
-                                        self._inbox.waiting + 2 * self._unexamined, leaves, self.seen)
+                                        self._ticks.waiting, leaves, self.seen)
             message = DiagnosticArray(status=[status, *self._obstacles.statuses(dragon),
                                               *self.pace.warnings(dragon, time.monotonic()),
                                               *publishers.warnings_of(f'{dragon}: monitor', self._several)])

@@ -292,8 +292,8 @@ def message(folder: Path) -> Target:
         take[name](data[1:], info)
         recorder.poll(True)
         if name in ('handles', 'benches'):
-            monitor._inbox.put(name, channels()[name].type, data[1:], info)
-            monitor._inbox.work()
+            monitor._ticks._inbox.put(name, channels()[name].type, data[1:], info)
+            monitor._ticks._inbox.work()
 
     def close() -> None:
         recorder.close()

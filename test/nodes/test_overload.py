@@ -62,11 +62,11 @@ def heard(node, name):
 
 
 def test_handles_whose_benches_do_not_come_in_time_are_counted_and_logged(monitor, messages, monkeypatch, capfd):
-    monkeypatch.setattr('dragon_ros.nodes.monitor._PARTNER_S', 0.0)
+    monkeypatch.setattr('dragon_ros.nodes.tick_reader._PARTNER_S', 0.0)
     (name, data, _, number), *_ = messages
-    monitor._inbox.put(name, channels()[name].type, data, info(number))
-    while monitor._inbox._waiting:
-        monitor._inbox.work()
+    monitor._ticks._inbox.put(name, channels()[name].type, data, info(number))
+    while monitor._ticks._inbox._waiting:
+        monitor._ticks._inbox.work()
     assert monitor.dropped == 0
     monitor._on_timer()
     assert monitor.dropped == 1
@@ -80,16 +80,16 @@ def test_a_monitor_that_cannot_follow_skips_whole_ticks_and_says_so_and_what_it_
     node.until(lambda: all(one.get_subscription_count() for name, one in monitor.topic_publishers.items()
                            if name in ('/diagnostics', 'collision')))
     for n, (name, data, _, number) in enumerate(messages):
-        monitor._inbox.put(name, channels()[name].type, data, info(number))
-        if monitor._inbox.skipped == 1 and name == 'handles':      # reported immediately, before anything is read
+        monitor._ticks._inbox.put(name, channels()[name].type, data, info(number))
+        if monitor._ticks._inbox.skipped == 1 and name == 'handles':     # reported immediately, before anything is read
             node.until(lambda: any('pace' in row.name for message in health for row in message.status))
         if n % 6 == 0 and n > 60:
             # Meanwhile the monitor reads a sixth of the messages.
-            monitor._inbox._read(*monitor._inbox._waiting.popleft())
-    while monitor._inbox._waiting:
-        monitor._inbox.work()
-    assert (monitor.dropped, monitor.seen + monitor._inbox.skipped) == (0, 501)
-    assert 50 < monitor._inbox.skipped < 480
+            monitor._ticks._inbox._read(*monitor._ticks._inbox._waiting.popleft())
+    while monitor._ticks._inbox._waiting:
+        monitor._ticks._inbox.work()
+    assert (monitor.dropped, monitor.seen + monitor._ticks._inbox.skipped) == (0, 501)
+    assert 50 < monitor._ticks._inbox.skipped < 480
     monitor._publish_health(always=True)
     node.until(lambda: contacts and any('longest_step_s' in values(row) and values(row)['unseen'] != '0'
                                         for message in health for row in message.status))
@@ -105,16 +105,16 @@ def test_a_monitor_that_cannot_follow_skips_whole_ticks_and_says_so_and_what_it_
 def test_a_monitor_examines_waiting_ticks_together_and_drops_an_invalid_one_alone(monitor, node, messages):
     stamped = heard(node, 'clearance/stamped')
     node.until(lambda: monitor.topic_publishers['clearance/stamped'].get_subscription_count())
-    sizes, expect = [], monitor._tracker.expect
-    monitor._tracker.expect = lambda observations: (sizes.append(len(observations)), expect(observations))
+    sizes, expect = [], monitor._ticks._expect
+    monitor._ticks._expect = lambda observations: (sizes.append(len(observations)), expect(observations))
     for name, data, _, number in messages[:60]:
         if (name, number) == ('benches', 8):
             data = bytearray(data)
             read_benches(data).markers.poses[2, 0] = float('nan')
-        monitor._inbox.put(name, channels()[name].type, bytes(data), info(number))
-    while monitor._inbox._waiting:
-        monitor._inbox.work()
-    assert (monitor.seen, monitor.dropped, monitor._inbox.waiting, monitor._unexamined) == (29, 1, 0, 0)
+        monitor._ticks._inbox.put(name, channels()[name].type, bytes(data), info(number))
+    while monitor._ticks._inbox._waiting:
+        monitor._ticks._inbox.work()
+    assert (monitor.seen, monitor.dropped, monitor._ticks._inbox.waiting, monitor._ticks._unexamined) == (29, 1, 0, 0)
     assert sizes[0] == 1        # until a dragon has been chosen
     assert max(sizes) > 4
     node.until(lambda: len(stamped) == 29)
@@ -129,11 +129,11 @@ def test_a_monitor_reads_first_where_the_publisher_waits_for_it(monitor, node, m
     node.until(lambda: monitor.count_publishers('handles'))
     for name, data, _, number in messages:
         earlier = 0 if name == 'handles' else 900       # earlier benches without handles do not count as ticks
-        monitor._inbox.put(name, channels()[name].type, data, info(number + earlier))
-    while monitor._inbox._waiting:
-        monitor._inbox.work()
-    assert (monitor.seen, monitor.dropped, monitor._inbox.skipped, monitor.pace.text()) == (501, 0, 0, '')
-    assert (monitor.pace.before, monitor._numbers) == (0, {})
+        monitor._ticks._inbox.put(name, channels()[name].type, data, info(number + earlier))
+    while monitor._ticks._inbox._waiting:
+        monitor._ticks._inbox.work()
+    assert (monitor.seen, monitor.dropped, monitor._ticks._inbox.skipped, monitor.pace.text()) == (501, 0, 0, '')
+    assert (monitor.pace.before, monitor._ticks._numbers) == (0, {})
 
 
 def test_benches_that_arrive_long_after_their_handles_do_not_exceed_the_budget_of_a_monitor(monitor, messages,
@@ -144,11 +144,11 @@ def test_benches_that_arrive_long_after_their_handles_do_not_exceed_the_budget_o
     assert sum(len(data) for _, data, _, _ in early + late) > 1.2 * budget
     monkeypatch.setattr(inbox, 'INBOX_BYTES', budget)
     for name, data, _, number in early + late:
-        monitor._inbox.put(name, channels()[name].type, data, info(number))
-        assert monitor._inbox.fill <= 1
-    while monitor._inbox._waiting:
-        monitor._inbox.work()
-    assert (monitor.seen, monitor.dropped, monitor._inbox.skipped) == (60, 0, 0)
+        monitor._ticks._inbox.put(name, channels()[name].type, data, info(number))
+        assert monitor._ticks._inbox.fill <= 1
+    while monitor._ticks._inbox._waiting:
+        monitor._ticks._inbox.work()
+    assert (monitor.seen, monitor.dropped, monitor._ticks._inbox.skipped) == (60, 0, 0)
 
 
 def test_no_tick_is_examined_before_an_awaited_map_even_if_a_lossless_run_fills_the_inbox(monitor, node, messages,
@@ -166,12 +166,12 @@ def test_no_tick_is_examined_before_an_awaited_map_even_if_a_lossless_run_fills_
     late = threading.Timer(0.3, maps.publish, [grid])
     late.start()
     for name, data, _, number in messages:
-        monitor._inbox.put(name, channels()[name].type, data, info(number))
+        monitor._ticks._inbox.put(name, channels()[name].type, data, info(number))
     late.join()
     assert order[:2] == [1, 'a tick']
-    while monitor._inbox._waiting:
-        monitor._inbox.work()
-    assert (monitor.seen, monitor.dropped, monitor._inbox.skipped) == (501, 0, 0)
+    while monitor._ticks._inbox._waiting:
+        monitor._ticks._inbox.work()
+    assert (monitor.seen, monitor.dropped, monitor._ticks._inbox.skipped) == (501, 0, 0)
 
 
 @pytest.mark.parametrize('read', [0, 100])
@@ -189,18 +189,18 @@ def test_a_monitor_reads_all_messages_of_a_publisher_that_waited_for_it_and_has_
                 node.destroy_publisher(publisher)
             node.until(lambda: not any(monitor.count_publishers(row.name) for row in rows))
             monitor._on_timer()
-        monitor._inbox.put(name, channels()[name].type, data, info(number))
-    while monitor._inbox._waiting:
-        monitor._inbox.work()
-    assert (monitor.seen, monitor.dropped, monitor._inbox.skipped, monitor.pace.text()) == (501, 0, 0, '')
+        monitor._ticks._inbox.put(name, channels()[name].type, data, info(number))
+    while monitor._ticks._inbox._waiting:
+        monitor._ticks._inbox.work()
+    assert (monitor.seen, monitor.dropped, monitor._ticks._inbox.skipped, monitor.pace.text()) == (501, 0, 0, '')
 
 
 def test_a_monitor_remembers_numbers_of_handles_without_benches_within_its_budget(monitor, monkeypatch):
-    from dragon_ros.nodes import monitor as module
+    from dragon_ros.nodes import tick_reader as module
     monkeypatch.setattr(module, 'INBOX_MESSAGES', 40)
     for number in range(1, 100):
-        monitor._number(10 * number, number)
-    assert monitor._numbers == {10 * number: number for number in range(60, 100)}
+        monitor._ticks._keep_number(10 * number, number)
+    assert monitor._ticks._numbers == {10 * number: number for number in range(60, 100)}
 
 
 def test_ticks_that_are_not_seen_are_known_by_the_numbers_of_their_handles():
