@@ -131,8 +131,8 @@ WORDS: Words = {
     'mirrored_rigid': ('mirrored, rotated by {angle:.6g} degrees and shifted by ({dx:.6g}, {dy:.6g}) m',
                        '镜像后旋转 {angle:.6g}°，平移 ({dx:.6g}, {dy:.6g}) m'),
     'rows_reversed': ('handles in reverse order', '把手顺序颠倒'),
-    'handles_shifted': ('rows are shifted: each row contains the handle {by} places further back',
-                        '每行错位：实为其后第 {by} 个把手'),
+    'handles_shifted': ('rows are shifted: the row of handle i contains handle i + {by}',
+                        '各行错位：第 i 号把手的行实为第 i + {by} 号把手'),
     'rows_mixed': ('rows are not in the order of their names', '行的顺序与名称不符'),
     # Observed facts without an explanation
     'off_track': ('handles are {off:.3g} m off the spiral (root mean square)', '把手偏离螺线 {off:.3g} m（均方根）'),

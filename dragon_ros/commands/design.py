@@ -11,6 +11,7 @@ from dragon_ros.cli.progress import Progress
 from dragon_ros.core.checks import number
 from dragon_ros.core.domain import SPEED
 from dragon_ros.core.errors import FieldError, InputError
+from dragon_ros.core.words import counted
 
 if TYPE_CHECKING:       # imported lazily, because each question needs only a few modules
     from dragon_ros.core.scene import Scene
@@ -163,9 +164,14 @@ def _max_speed_text(values: dict[str, Any]) -> str:
     """Return the answer as text."""
     return (f'at a leader speed of {values["speed_m_s"]:.12g} m/s (accurate to {values["uncertainty_m_s"]:.1g} m/s; '
             f'for a profile, the peak speed), no handle exceeds {values["limit_m_s"]:.9g} m/s\n'
-            f'handle {values["handle"]} is the fastest, at {values["ratio"]:.12g} times the speed of the leader, '
-            f'when the leader is {values["along_m"]:.7g} m along the track (on a turn: from its entry)\n'
-            f'{values["looks"]} positions were evaluated')
+            f'{_fastest(values)}\n{counted(values["looks"], "position", form=",")} computed')
+
+
+def _fastest(values: dict[str, Any]) -> str:
+    if values['ratio'] == 1:
+        return 'no handle is faster than the leader'
+    return (f'handle {values["handle"]} is the fastest: {values["ratio"]:.12g} times as fast as the leader, with the '
+            f'leader {values["along_m"]:.7g} m along the track (on a turn: from its entry)')
 
 
 def _min_pitch_options(parser: ArgumentParser) -> None:
@@ -210,7 +216,7 @@ def _min_pitch_text(values: dict[str, Any]) -> str:
         f'{values["radius_m"]:.6f} m',
         f'runs at {len(values["clear_m"])} larger pitches up to {values["largest_m"]:g} m are also proved to have no '
         'contact; between them, nothing is proved',
-        f'{values["states"]:,} states were evaluated'])
+        f'{counted(values["states"], "state", form=",")} computed'])
 
 
 def _fit_options(parser: ArgumentParser) -> None:
@@ -275,9 +281,9 @@ def _venue_text(values: dict[str, Any]) -> str:
     lines = []
     for one in values['venue']:
         x, y = one['point_m']
-        gap = (f'{one["high_m"]:.6f} m, and no more than {one["high_m"] - one["low_m"]:.1e} m smaller' if
-               one['high_m'] > 0 else 'it is touched')
-        lines.append(f'{one["name"]}: {gap}: bench {one["bench"]} at {one["t_s"]:.3f} s, with its centre at ({x:.3f}, '
+        gap = (f'{one["high_m"]:.6f} m, accurate to {one["high_m"] - one["low_m"]:.1e} m, to' if one['high_m'] > 0 else
+               'touched by')
+        lines.append(f'{one["name"]}: {gap} bench {one["bench"]} at {one["t_s"]:.3f} s, with its centre at ({x:.3f}, '
                      f'{y:.3f}) m')
     lines += _room_text(values['room'])
     margin = f'a gap of at least {values["margin_m"]:g} m'
@@ -306,7 +312,7 @@ def _fit_text(values: dict[str, Any]) -> str:
 def _bounds(bounds_m: tuple[float, float]) -> str:
     """Return an attained lower bound, and the amount by which the proved upper bound exceeds it, as text."""
     low, high = bounds_m
-    return f'{low:.10f} m, and no more than {high - low:.1e} m larger'
+    return f'{low:.10f} m, accurate to {high - low:.1e} m'
 
 
 def _verdict(centred: bool | None, free: bool | None) -> str:

@@ -24,7 +24,8 @@ def number(field: str, value: Any, *, low: float | None = None, above: float | N
     if low is not None and value < low:
         raise FieldError(field, value, f'the smallest is {low:g}', f'give at least {low:g}')
     if above is not None and value <= above:
-        raise FieldError(field, value, f'it must exceed {above:g}', f'give more than {above:g}')
+        raise FieldError(field, value, 'it is not positive' if above == 0 else f'it is not above {above:g}',
+                         f'use a number above {above:g}')
     if high is not None and value > high:
         raise FieldError(field, value, f'the largest is {high:g}', f'give at most {high:g}')
     return float(value) + 0.0

@@ -562,7 +562,7 @@ def test_a_table_of_a_bag_is_the_table_of_its_scene(capsys, bag):
     (['contact', CORPUS / 'good_none.mcap', '--verify', 'a.json'], 'BAG: --verify does not accept it'),
     (['contact', '--verify', 'a.json', '--output', 'b.json'],
      '--output b.json: --verify writes only text; give a name that ends in .txt'),
-    (['contact', '--near-misses', '-1'], '--near-misses: -1.0 is not valid: it must exceed 0'),
+    (['contact', '--near-misses', '-1'], '--near-misses: -1.0 is not valid: it is not positive'),
     (['contact', '--certificate', 'a.json', '--output', './a.json'],
      '--output a.json: the certificate is written to this file; give another file'),
     (['contact', '--near-misses', '1', '--format', 'csv'], '--near-misses: --format csv contains only the contact'),

@@ -80,9 +80,8 @@ def test_the_answers_are_those_of_the_commands(server):
     values = {name: one['values'] for name, one in said.items()}
     assert values['contact'] == {'t': f'{found.t_s:.9f}', 'first': str(found.benches[0]),
                                  'second': str(found.benches[1]), 'obstacle': ''}
-    fastest = max_speed(until)
-    assert values['speed'] == {'handle': str(fastest.handle), 'ratio': f'{fastest.ratio:.9g}',
-                               'along': f'{fastest.along_m:.6g}'}
+    assert max_speed(until).ratio == 1
+    assert (said['speed']['key'], values['speed']) == ('none_faster', {})
     assert values['room']['free'] == f'{bounding_box(until).free_m[1]:.4f}'
     assert values['pitch']['pitch'] == f'{min_pitch(scene.dragon, within_m=1e-9).high_m:.9f}'
     assert [said[name]['how'] for name in QUESTIONS] == ['proved', 'proved', 'proved', 'proved', 'sampled']
@@ -96,7 +95,7 @@ def test_a_run_without_contact_is_said_to_have_none(server):
 
 
 @pytest.mark.parametrize(('change', 'key', 'words'), [
-    ({'dragon.width_m': '-1'}, 'dragon.width_m', 'more than 0'),
+    ({'dragon.width_m': '-1'}, 'dragon.width_m', 'at least 0.001'),
     ({'dragon.benches': '2.5'}, 'dragon.benches', 'whole number'),
     ({'dragon.benches': '2001'}, 'dragon.benches', 'give fewer'),
     ({'dragon.width_m': 'wide'}, 'dragon.width_m', 'not a finite number'),
@@ -236,14 +235,14 @@ def test_a_changed_value_moves_the_dragon_and_renews_the_answers(server, page):
     assert page.run('return location.search') == '?dragon.benches=12'
     assert page.run('return document.getElementById("scene-file").getAttribute("href")').endswith('benches=12')
     page.run(SET.replace('arguments[0]', '"value-dragon.width_m"').replace('arguments[1]', '"-2"'))
-    page.wait('return document.querySelector(".wrong p")?.textContent.includes("more than 0")')
+    page.wait('return document.querySelector(".wrong p")?.textContent.includes("at least 0.001")')
     assert page.run('return document.getElementById("facts").textContent').startswith('12 benches')
     page.click('reset')
     page.wait('return document.getElementById("facts").textContent.startsWith("20 benches")')
     page.wait('return document.querySelectorAll("#answers progress").length === 0')
     assert page.run(ANSWERS) == before
     page.open_view(f'{server.url}?dragon.width_m=-1')       # an address with an impossible value
-    assert 'more than 0' in page.run('return document.querySelector(".wrong p").textContent')
+    assert 'at least 0.001' in page.run('return document.querySelector(".wrong p").textContent')
     for width, height, dark in ((390, 844, False), (1400, 860, True)):
         page.look(width, height, dark)
         assert page.run('return document.scrollingElement.scrollWidth <= window.innerWidth')
@@ -283,3 +282,11 @@ def test_axe_finds_nothing_wrong_at_three_sizes_in_the_light_and_the_dark_in_bot
                     assert page.violations(axe) == [], (n, width, dark)
     page.run('document.getElementById("scrub").removeAttribute("aria-label")')
     assert [found.split(':')[0] for found in page.violations(axe)] == ['label']
+
+
+def test_the_fastest_handle_of_a_turn_is_named():
+    with serving('turning', ['dragon.benches=5', 'run.stop_s=120']) as server:
+        said = ask(server, 'answers/speed')
+        fastest = max_speed(server.shown.variant('').scene)
+    assert (said['key'], said['values']) == ('fastest', {
+        'handle': str(fastest.handle), 'ratio': f'{fastest.ratio:.9g}', 'along': f'{fastest.along_m:.6g}'})

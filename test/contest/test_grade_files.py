@@ -617,7 +617,7 @@ def test_the_answers_of_teams_are_graded_without_their_folders(tmp_path, capsys,
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [
-    ([], 'no input'), (['nowhere'], 'does not exist'), (['--t', '-3'], 'must exceed 0'),
+    ([], 'no input'), (['nowhere'], 'does not exist'), (['--t', '-3'], 'not positive'),
     (['--answers', 'a.yaml'], 'did you mean t_s?'), (['--answers', 'b.yaml'], "b.yaml:1: t_s: 'soon'"),
     (['--answers', 'c.yaml'], 'c.yaml: it contains no answers; give at least one of t_s, pitch_m, turn_m, speed_m_s'),
     (['--answers', 'd.yaml', '--t', '412'], '--t: it is the answer of one team, but 2 teams are given'),

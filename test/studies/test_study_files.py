@@ -47,7 +47,7 @@ def test_samples_can_be_changed_but_not_those_of_a_grid(study):
     ('vary: {track.pitch_m: 0.5}\nask: [lock]', r'f.yaml:1: vary.track.pitch_m: 0.5 is not a list'),
     ('vary: {track.pitch_m: []}\nask: [lock]', '1 to 100000 values'),
     ('vary: {track.pitch_m: [a, 1]}\nask: [lock]', 'numbers or words'),
-    ('vary: {track.pitch_m: {from: 2, to: 1, steps: 2}}\nask: [lock]', r'vary.track.pitch_m.to: 1.* must exceed 2'),
+    ('vary: {track.pitch_m: {from: 2, to: 1, steps: 2}}\nask: [lock]', r'vary.track.pitch_m.to: 1.* not above 2'),
     ('vary: {track.pitch_m: {from: 1}}\nask: [lock]', 'to: it is missing'),
     ('vary: {track.pitch_m: {from: 1, too: 2}}\nask: [lock]', 'did you mean to'),
     ('vary: {track.pitch_m: {from: 1, to: 2}}\nask: [lock]', 'a grid needs lists, or ranges with steps'),

@@ -45,7 +45,7 @@ def frame_times(source: Source, start_s: float | None, stop_s: float | None, pac
     """Return the time of each frame. Raises InputError for times outside the source or too many frames."""
     for name, value in (('--pace', pace), ('--fps', fps)):
         if not 0 < value <= 1e6:
-            raise FieldError(name, value, 'it must exceed 0', 'give for example 20')
+            raise FieldError(name, value, 'it is not positive', 'use for example 20')
     first, last = (at if given is None else given for at, given in zip(source.span_s, (start_s, stop_s), strict=True))
     check_times(source, (first, last))
     frames = 1 + int((last - first) * fps / pace)

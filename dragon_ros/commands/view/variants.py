@@ -242,6 +242,8 @@ def _speed(variant: Variant, check: Check) -> Answer:
     """Return the largest speed of any handle up to the contact."""
     from dragon_ros.core.search.max_speed import max_speed
     most = max_speed(variant.until_contact(check), lambda looks: check())
+    if most.ratio == 1:
+        return Answer('none_faster', {}, 'proved', variant.contact_s(check) is not None)
     return Answer('fastest', {'handle': str(most.handle), 'ratio': f'{most.ratio:.9g}', 'along': f'{most.along_m:.6g}'},
                   'proved', variant.contact_s(check) is not None)
 
