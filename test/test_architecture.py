@@ -36,7 +36,7 @@ CORE_ROOMS = {
     'errors': (), 'limits': (), 'numerics': (), 'words': (), 'checks': ('errors',),
     'domain': ('errors', 'checks'), 'flags': ('errors', 'checks', 'domain'),
     'venue': ('errors', 'checks', 'domain', 'limits', 'words'),
-    'tracks': CHAIN[:4], 'chain': CHAIN[:5], 'promise': ('errors',),
+    'tracks': ('limits', *CHAIN[:4]), 'chain': CHAIN[:5], 'promise': ('errors',),
     'scene': (*VALUES, 'promise', 'tracks', 'chain', 'venue'),
     'paper': CHAIN, 'shift_map': CHAIN, 'model': MODEL[:-1], 'geometry': (*CHAIN, 'venue', 'limits'),
     'enclosures': (*CHAIN, 'geometry'), 'frame': (*CHAIN, 'geometry'), 'search': (*MODEL, 'geometry', 'enclosures'),

@@ -142,8 +142,9 @@ def add_drawing_options(options: ArgumentParser) -> None:
                          'metres of a map (the middle of the first drawing that lies on a map)')
     options.add_argument('--radius', type=float, metavar='METRES', help='radius of rounded corners (twice the smallest '
                          'radius that these benches can walk)')
-    options.add_argument('--tolerance', type=float, metavar='METRES', default=0.02,
-                         help='largest distance between the track and a drawn curve (%(default)g)')
+    options.add_argument('--tolerance', type=float, metavar='METRES',
+                         help='largest distance between the track and a drawn curve (0.02; for a recording, what its '
+                         'noise requires)')
     options.add_argument('--start', type=float, metavar='METRES', help='distance along the drawing at which the head '
                          'starts (by default, the first at which the whole dragon is on the drawing, or 0 if the '
                          'drawing is too short)')

@@ -22,6 +22,12 @@ if TYPE_CHECKING:
     from dragon_ros.core.tracks.drawn import Route
     from dragon_ros.messages.decode import PathMessage
 
+_TOLERANCE_M = 0.02     # within which a drawing is followed
+_TOLERANCES_M = (_TOLERANCE_M, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 18.0)     # of recordings
+_LARGEST_M = 25.0
+_NOISES = 6.0           # tolerance of a recording, as a multiple of its noise
+_RECORDED = 50          # a line with more points may be a recording
+_SHARED = 4             # each tolerance may take a fourth of the work
 _EASY = 2.0             # default radius of corners, as a multiple of the smallest radius
 _FRAME = 'dragon'
 _PATH = 'nav_msgs/msg/Path'
@@ -43,6 +49,7 @@ class DrawnScene:
     track: 'Track'
     least_m: float
     radius_m: float
+    tolerance_m: float
     notes: tuple[str, ...]
 
 
@@ -59,18 +66,21 @@ def drawn_scene(arguments: Namespace) -> DrawnScene:
     notes = [note] if note else []
     if isinstance(line, MapLine):
         notes += [f'{line.path.name}: {line.name}: {text}' for text in line.notes]
-    route, least_m, radius_m = _route(arguments, base, placed)
-    venue, more = _venue(drawing, obstacles, origin, _near(placed, sum(base.dragon.link_lengths_m)))
+    route, least_m, radius_m, tolerance_m = _route(arguments, base, placed)
+    if tolerance_m > _TOLERANCE_M and arguments.tolerance is None:
+        notes.append(f'the drawing is noisy or winding, so the tolerance is {tolerance_m:g} m; give --tolerance for '
+                     'another')
     from dragon_ros.core.tracks.composite import track_of
     from dragon_ros.core.tracks.spec import Composite
     track = track_of(Composite(route.pieces))
+    venue, more = _venue(drawing, obstacles, origin, _near(track, sum(base.dragon.link_lengths_m)))
     start_m = _start_m(arguments, base, route, track)
     values = {'kind': 'joined', 'start_m': start_m, 'pieces': [
         {'kind': type(piece).__name__.lower(), **{key: [*one] if isinstance(one, tuple) else one
                                                  for key, one in asdict(piece).items() if one is not None}}
         for piece in route.pieces]}
     scene = load_drawn_scene(arguments.scene, command_line.overrides_from(arguments), origin, values, venue)
-    return DrawnScene(scene, placed, route, track, least_m, radius_m, (*notes, *more))
+    return DrawnScene(scene, placed, route, track, least_m, radius_m, tolerance_m, (*notes, *more))
 
 
 def _line(arguments: Namespace) -> tuple[AnyLine, Drawing | None]:
@@ -198,10 +208,16 @@ def _base(arguments: Namespace) -> 'Scene':
     return command_line.scene_from(Namespace(**{**vars(arguments), 'overrides': [*others, 'venue=null']}))
 
 
-def _route(arguments: Namespace, base: 'Scene', line: DrawnLine) -> tuple['Route', float, float]:
-    """Return the track along a line, the smallest radius of the links, and the radius of corners."""
+def _route(arguments: Namespace, base: 'Scene', line: DrawnLine) -> tuple['Route', float, float, float]:
+    """Return the track along a line, the smallest radius of the links, the radius of corners and the tolerance.
+
+    Without --tolerance, a recording is followed within six times its noise, and a line that cannot be followed within
+    2 cm within the next larger tolerance at which it can.
+    """
+    import numpy as np
+
     from dragon_ros.core.tracks.composite import least_radius_m
-    from dragon_ros.core.tracks.drawn import along
+    from dragon_ros.core.tracks.drawn import Work, along, noise_m
     least_m = least_radius_m(base.dragon.link_lengths_m)
     given = arguments.radius
     radius_m = _EASY * least_m if given is None else number('--radius', given, above=0.0, high=1e6)
@@ -209,8 +225,20 @@ def _route(arguments: Namespace, base: 'Scene', line: DrawnLine) -> tuple['Route
         raise FieldError('--radius', radius_m, f'these benches can walk bends with a radius of {least_m:.4g} m or '
                          'more, 1.01 times half the longest link',
                          f'give at least {least_m:.4g}, or use shorter benches')
-    tolerance_m = number('--tolerance', arguments.tolerance, low=1e-5, high=1e3)
-    return along(line.parts, radius_m, least_m * (1 + 1e-9), tolerance_m), least_m, radius_m
+    work, least = Work(), least_m * (1 + 1e-9)
+    if arguments.tolerance is not None:
+        tolerance_m = number('--tolerance', arguments.tolerance, low=1e-5, high=1e3)
+        return along(line.parts, radius_m, least, tolerance_m, work), least_m, radius_m, tolerance_m
+    noise = max((noise_m(part) for part in line.parts if isinstance(part, np.ndarray)), default=0.0)
+    tolerances = [*(one for one in _TOLERANCES_M if one > _NOISES * noise), _LARGEST_M]
+    is_recording = any(isinstance(part, np.ndarray) and len(part) >= _RECORDED for part in line.parts)
+    for tolerance_m in tolerances if is_recording else tolerances[:1]:
+        try:
+            return along(line.parts, radius_m, least, tolerance_m, Work(work.limit // _SHARED)), least_m, radius_m, (
+                tolerance_m)
+        except InputError as error:
+            refused = error
+    raise refused
 
 
 def _start_m(arguments: Namespace, base: 'Scene', route: 'Route', track: 'Track') -> float:
@@ -239,10 +267,13 @@ def _venue(drawing: Drawing | None, obstacles: Drawing | None, origin: Origin | 
     return ({**inside, 'obstacles': listed} if listed or inside else {}), notes
 
 
-def _near(line: DrawnLine, length_m: float) -> Any:
-    """Return the surroundings of a line, and of the dragon behind it, as a shapely geometry."""
+def _near(track: 'Track', length_m: float) -> Any:
+    """Return the surroundings of a track, and of the dragon behind it, as a shapely geometry."""
     import numpy as np
     from shapely import LineString
-    points = np.concatenate([part if isinstance(part, np.ndarray) else part.stretch(0.1).points for part in line.parts])
-    points = np.concatenate((points[:1] - length_m * (points[1] - points[0]) / abs(points[1] - points[0]), points))
-    return LineString(np.stack((points.real, points.imag), axis=1)).buffer(_NEAR_M, quad_segs=4)
+
+    from dragon_ros.core.tracks.polyline import polyline
+    points = polyline(track, 0.0, track.end_m, 0.1)
+    way = points[1] - points[0]
+    behind = points[0] - length_m * way / np.hypot(*way)
+    return LineString(np.concatenate((behind[None], points))).buffer(_NEAR_M, quad_segs=4)

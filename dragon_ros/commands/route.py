@@ -19,9 +19,9 @@ def run(arguments: Namespace) -> int:
     for option in ('output', 'table'):
         command_line.check_keeps(f'--{option}', getattr(arguments, option), arguments.drawing, arguments.obstacles)
     drawn = drawn_scene(arguments)
-    command_line.write_output(None, '\n'.join(summary(drawn, arguments.tolerance)))
+    command_line.write_output(None, '\n'.join(summary(drawn)))
     if arguments.table is not None:
-        lines = [*_rows(drawn), '', *_notes(drawn, arguments.tolerance, len(drawn.route.changes))]
+        lines = [*_rows(drawn), '', *_notes(drawn, len(drawn.route.changes))]
         command_line.write_output(arguments.table, '\n'.join(lines), '--table')
         command_line.write_output(None, f'written: {arguments.table}')
     if arguments.output is not None:
@@ -34,17 +34,17 @@ def write_scene(arguments: Namespace, drawn: DrawnScene, path: Path) -> None:
     """Write the scene as a YAML file that lists the drawing and the options under ``about``."""
     from dragon_ros.scenes.provenance import differing_scene_file
     about = {'drawing': str(arguments.drawing or arguments.topic), 'path': drawn.line.name,
-             **{key: str(value) if isinstance(value, Path) else value
-                for key in ('obstacles', 'scale', 'unit', 'tolerance', 'reverse', 'frame_pose')
+             'tolerance': drawn.tolerance_m, **{key: str(value) if isinstance(value, Path) else value
+                for key in ('obstacles', 'scale', 'unit', 'reverse', 'frame_pose')
                 if (value := getattr(arguments, key, None))}, 'radius': drawn.radius_m}
     command_line.write_output(path, differing_scene_file(drawn.scene, about).rstrip('\n'))
 
 
-def summary(drawn: DrawnScene, tolerance_m: float) -> list[str]:
+def summary(drawn: DrawnScene) -> list[str]:
     """Return the table of pieces, if it is short, and the notes with the largest changes, in about a screenful."""
     rows = _rows(drawn)
     shown = [*rows, ''] if len(rows) <= _SHOWN_PIECES + 1 else []
-    notes = _notes(drawn, tolerance_m, _SHOWN_CHANGES)
+    notes = _notes(drawn, _SHOWN_CHANGES)
     return [*shown, *notes, *([] if shown else ['the table of all pieces and changes: --table FILE'])]
 
 
@@ -62,7 +62,7 @@ def _rows(drawn: DrawnScene) -> list[str]:
     return rows
 
 
-def _notes(laid: DrawnScene, tolerance_m: float, most: int) -> list[str]:
+def _notes(laid: DrawnScene, most: int) -> list[str]:
     """Return the notes on the track, with at most so many changes, the largest first."""
     route, track = laid.route, laid.track
     arcs = sum(hasattr(piece, 'radius_m') for piece in route.pieces)
@@ -70,7 +70,7 @@ def _notes(laid: DrawnScene, tolerance_m: float, most: int) -> list[str]:
     notes = [*laid.notes, f'{laid.line.name}: {track.end_m - route.lead_in_m:.3f} m, '
              f'{counted(len(route.pieces), "piece")} ({counted(arcs, "arc")})',
              f'apart from the changes, the track deviates from the drawing by at most {1000 * route.strays_m:.2f} mm '
-             f'(tolerance {1000 * tolerance_m:g} mm)', _tightest(laid), *map(_changed, changes[:most])]
+             f'(tolerance {1000 * laid.tolerance_m:g} mm)', _tightest(laid), *map(_changed, changes[:most])]
     if len(changes) > most:
         notes.append(f'changed: {len(changes) - most} more corners and bends, by up to {changes[most].off_m:.3g} m')
     if route.lead_in_m:

@@ -21,6 +21,7 @@ VENUE_CORNERS = 100_000
 VENUE_BYTES = 16 * MB
 DRAWING_BYTES = 8 * MB
 DRAWING_POINTS = 100_000
+DRAWING_WORK = 8_000_000
 XML_DEPTH = 64
 XML_ELEMENTS = 50_000
 MAP_ELEMENTS = 1_000_000
@@ -91,6 +92,8 @@ LIMITS = (
           'untrusted scene', 'bytes', 'rejected'),
     Limit('DRAWING_BYTES', 'an SVG or CSV drawing that `route` reads', 'bytes', 'rejected'),
     Limit('DRAWING_POINTS', 'the line that `route` follows, or its path in SVG', 'points or pieces', 'rejected'),
+    Limit('DRAWING_WORK', 'the work to follow a drawn line (about ten seconds)', 'points examined',
+          'rejected; a larger `--tolerance` takes less'),
     Limit('XML_DEPTH', 'the nesting depth of an SVG drawing or a map in XML', 'levels', 'rejected'),
     Limit('XML_ELEMENTS', 'the elements of an SVG drawing', 'elements', 'rejected'),
     Limit('MAP_ELEMENTS', 'the elements of a map in GPX, KML or OpenStreetMap XML', 'elements', 'rejected'),

@@ -7,6 +7,7 @@ Computer-Aided Design 7, 1975):
     d = v.v / (v.(t + s) + sqrt((v.(t + s))^2 + |t - s|^2 v.v)),     v = q - p.
 """
 import cmath
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import copysign, cos, inf, pi, sin, sqrt
 from typing import NamedTuple
@@ -116,14 +117,16 @@ class Fitted:
     biarcs: tuple[tuple[Bow, Bow] | None, ...]
 
 
-def fitted(points: Complexes, headings: Complexes, tolerance_m: float, least_m: float) -> Fitted:
+def fitted(points: Complexes, headings: Complexes, tolerance_m: float, least_m: float,
+           spend: Callable[[int], None]) -> Fitted:
     """Return a sequence of biarcs that follows the points (n,) of a curve within a tolerance.
 
     Each biarc is as long as possible with a deviation of at most ``tolerance_m`` and radii of at least ``least_m``.
+    ``spend`` is told the number of points that each attempt examines.
     """
     spans, biarcs, first = list[tuple[int, int]](), list[tuple[Bow, Bow] | None](), 0
     while first < len(points) - 1:
-        last, best = _longest(points, headings, first, (tolerance_m, least_m))
+        last, best = _longest(points, headings, first, (tolerance_m, least_m), spend)
         spans.append((first, last))
         biarcs.append(best)
         first = last
@@ -131,7 +134,7 @@ def fitted(points: Complexes, headings: Complexes, tolerance_m: float, least_m: 
 
 
 def _longest(points: Complexes, headings: Complexes, first: int,
-             limits_m: tuple[float, float]) -> tuple[int, tuple[Bow, Bow] | None]:
+             limits_m: tuple[float, float], spend: Callable[[int], None]) -> tuple[int, tuple[Bow, Bow] | None]:
     """Return the last point that a single biarc can reach within the limits, and that biarc.
 
     If no biarc satisfies the limits, return the next point and None.
@@ -139,6 +142,7 @@ def _longest(points: Complexes, headings: Complexes, first: int,
     good, best, beyond, ahead = first + 1, None, len(points), 1
     while first + ahead < beyond:
         tried = first + ahead
+        spend(tried - first)
         found = _within(points[first:tried + 1], headings[first], headings[tried], limits_m)
         if found is None:
             beyond = tried
@@ -147,6 +151,7 @@ def _longest(points: Complexes, headings: Complexes, first: int,
             ahead = min(2 * ahead, max(len(points) - 1 - first, ahead + 1))
     while beyond - good > 1:
         tried = (good + beyond) // 2
+        spend(tried - first)
         found = _within(points[first:tried + 1], headings[first], headings[tried], limits_m)
         if found is None:
             beyond = tried

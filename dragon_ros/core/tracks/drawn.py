@@ -14,12 +14,14 @@ from math import ceil, degrees, inf, pi, sqrt, tan
 from typing import NamedTuple
 
 import numpy as np
-from shapely import LineString, get_coordinates, hausdorff_distance
+from shapely import LineString, distance, get_coordinates, prepare
+from shapely import points as shapely_points
 
 from dragon_ros.core.domain import PIECES
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.limits import DRAWING_WORK
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
-from dragon_ros.core.tracks.biarcs import Bow, biarc, fitted
+from dragon_ros.core.tracks.biarcs import Bow, biarc, fitted, strays_m
 from dragon_ros.core.tracks.spec import Arc, Line, Piece
 
 LEAD_IN_M = 1.0         # length of the line added before a track that would otherwise begin with a bend
@@ -27,6 +29,15 @@ _MOST_SAMPLES = 20_000  # maximum number of samples per curve
 _FINE = 0.002           # sampling error of a piece when its deviation is measured, relative to the tolerance
 _THINNED = 0.05         # limit on the deviation caused by thinning the points, relative to the tolerance
 _EASED = (0.0, 0.25, 0.5, 0.75)     # limits on the displacement by smoothing, relative to the tolerance, tried in order
+_SIMPLIFIED = 0.1       # limit on the deviation caused by simplifying smoothed waves, relative to the tolerance
+_SMOOTHED = (0.9, 0.6, 0.3)       # likewise, for smoothing waves of any length
+_FEWEST, _FINER = 6, 1.7     # number of blocks at first; factor by which blocks are made smaller
+_MANY = 1500            # maximum number of points that are followed one by one; more are averaged in blocks
+_RECORDED = 50          # minimum number of points of a recording
+_MEDIAN_OF_NOISE = 1.44     # median of |p0 - 2 p1 + p2| / 2 of points with a noise of 1 in x and y
+_BETWEEN = 8000         # maximum number of samples between the points of a drawn part
+_ATTEMPT = 200          # the work of an attempt besides its points: the time of so many points
+_RETRIES = 4
 _TAUBIN, _PASSES, _TINY_M = (0.5, -0.53), 300, 1e-300
 _KINK_RAD = 0.05        # a curve is bent by up to this angle to meet its neighbour; a larger angle is a corner
 _SAME = 1e-9            # tolerance for rounding, relative to a length
@@ -151,52 +162,183 @@ def _sampled(points: Complexes, rates: Complexes) -> SmoothPart:
     return _stretch(points[kept], rates[kept] / np.abs(rates[kept]))
 
 
-def along(parts: Sequence[DrawnPart], radius_m: float, least_m: float, tolerance_m: float) -> Route:
+class Work:
+    """Counts the work on a drawing, in points examined, and ends it at a limit."""
+
+    def __init__(self, limit: int = DRAWING_WORK) -> None:
+        """Start at zero."""
+        self.spent, self.limit = 0, limit
+
+    def spend(self, points: int) -> None:
+        """Count an attempt that examines so many points. Raises WorkError beyond the limit."""
+        self.spent += _ATTEMPT + points
+        if self.spent > self.limit:
+            raise WorkError(f'the drawing takes more than {self.limit} steps of work; give a larger --tolerance, or '
+                            'draw a simpler or shorter line', field='tolerance')
+
+
+class WorkError(InputError):
+    """A drawing takes too much work to follow within a tolerance."""
+
+
+def along(parts: Sequence[DrawnPart], radius_m: float, least_m: float, tolerance_m: float,
+          work: Work | None = None) -> Route:
     """Return a track of lines and arcs along a drawn line, whose parts must be joined end to end.
 
     Corners are rounded with the radius ``radius_m``. If the legs are too short for this radius, the largest radius
     that fits is used, down to ``least_m``, the smallest that the links can follow. Curves are fitted within
     ``tolerance_m``. If points are noisy, part of the tolerance is used to smooth them. Raises InputError with the
-    position if a bend does not fit.
+    position if a bend does not fit, and WorkError if the work exceeds a limit.
     """
-    best, refused = None, None
-    for part in _EASED if any(isinstance(one, np.ndarray) and len(one) > 2 for one in parts) else _EASED[:1]:
-        stretches = [stretch for one in parts for stretch in _stretches(one, part * tolerance_m, tolerance_m)]
+    work = work or Work()
+    best: Route | None = None
+    refused: InputError | None = None
+    for share, way in _attempts(parts):
         try:
-            found = _routed(stretches, radius_m, least_m, (1 - part - _THINNED) * tolerance_m)
+            stretches = [stretch for one in parts for stretch in _stretches(one, share * tolerance_m, tolerance_m, way,
+                                                                            work)]
+            found = _within_tolerance(stretches, radius_m, least_m, (1 - share - _THINNED) * tolerance_m, tolerance_m,
+                                      work)
+        except WorkError as error:
+            refused = error
+            break
         except InputError as error:
             refused = refused or error
             continue
-        if best is None or found.off_m < best.off_m:
+        if found.strays_m > tolerance_m:
+            refused = refused or InputError(
+                f'the track deviates by {found.strays_m:.3g} m from the drawing, and the tolerance is {tolerance_m:g} '
+                f'm; give --tolerance {1.05 * found.strays_m:.2g}, or draw a smoother line', field='tolerance')
+        elif best is None or found.off_m < best.off_m:
             best = found
-        if not best.off_m:
+        if best is not None and not best.off_m:
             break
     if best is None:
         raise refused or InputError('the drawing has no points; draw a line', field='drawing')
     return best
 
 
-def _stretches(part: DrawnPart, eased_m: float, tolerance_m: float) -> list[SmoothPart]:
-    if isinstance(part, Cubic | EllipseArc):
-        return [part.stretch(_FINE * tolerance_m)]
-    return through(part, _eased(part, eased_m), tolerance_m - eased_m)
+def _attempts(parts: Sequence[DrawnPart]) -> list[tuple[float, str]]:
+    """Return the shares of the tolerance for smoothing, each with the way of smoothing, in the order to try them.
 
-
-def through(drawn: Complexes, eased: Complexes, tolerance_m: float) -> list[SmoothPart]:
-    """Split a line through points (n,) at its corners, and return the smooth parts.
-
-    ``eased`` holds the smoothed points, and ``drawn`` the original points. Points near the line through the other
-    points are removed first. An arc over a leg of length h between headings that differ by phi deviates from the leg by
-    h phi / 8; a point is a corner if this deviation exceeds the tolerance.
+    'points' smooths waves of a few points; 'waves' those of any length, and draws few straight lines; 'corners' keeps
+    the points, as corners.
     """
-    numbers = _kept(eased, _THINNED * tolerance_m)
+    counts = [len(one) for one in parts if isinstance(one, np.ndarray)]
+    if max(counts, default=0) <= 2:
+        return [(0.0, 'points')]
+    points, waves = [(share, 'points') for share in _EASED], [(share, 'waves') for share in _SMOOTHED]
+    corners = [(0.0, 'corners')] if sum(counts) <= PIECES.high // 2 else []
+    is_noisy = max(counts) > _MANY or any(isinstance(one, np.ndarray) and noise_m(one) for one in parts)
+    if max(counts) > 2 * _MANY:
+        return waves
+    return [*waves, *points, *corners] if is_noisy else [*points, *waves, *corners]
+
+
+def _within_tolerance(stretches: Sequence[SmoothPart], radius_m: float, least_m: float, fit_m: float,
+                      tolerance_m: float, work: Work) -> Route:
+    """Return the route with the largest error of fit (m) for which the measured deviation is within the tolerance.
+
+    If there is none, return the route with the smallest deviation.
+    """
+    best = None
+    for _ in range(_RETRIES):
+        found = _routed(stretches, radius_m, least_m, fit_m, work)
+        if best is None or found.strays_m < best.strays_m:
+            best = found
+        if found.strays_m <= tolerance_m:
+            break
+        fit_m *= 0.8 * tolerance_m / found.strays_m
+    return best or found
+
+
+def _stretches(part: DrawnPart, eased_m: float, tolerance_m: float, way: str, work: Work) -> list[SmoothPart]:
+    if isinstance(part, Cubic | EllipseArc):
+        stretch = part.stretch(_FINE * tolerance_m)
+        work.spend(len(stretch.points))
+        return [stretch]
+    if way == 'corners':
+        return through(part, part, np.arange(len(part)), 0.0, 0.0)
+    if way == 'waves':
+        eased, owners = _smoothed(part, eased_m)
+        return through(part, eased, owners, 0.0, _SIMPLIFIED * tolerance_m)
+    work.spend(_PASSES * len(part) // 10 if eased_m else 0)
+    left_m = tolerance_m - eased_m
+    return through(part, _eased(part, eased_m), np.arange(len(part)), left_m, _THINNED * left_m)
+
+
+def noise_m(points: Complexes) -> float:
+    """Return the noise (m, one standard deviation) of recorded points (n,), or 0 for a drawn line.
+
+    Noise turns at random: at a third of all points or more, the line turns by more than 60 degrees.
+    """
+    legs = np.diff(points)
+    legs = legs[legs != 0]
+    if len(legs) < _RECORDED or np.mean(np.abs(np.angle(legs[1:] / legs[:-1])) > pi / 3) < 1 / 3:
+        return 0.0
+    return float(np.median(np.abs(legs[1:] - legs[:-1])) / 2 / _MEDIAN_OF_NOISE)
+
+
+def _smoothed(points: Complexes, within_m: float) -> tuple[Complexes, Ints]:
+    """Return a smooth line (m,) along points (n,), and for each point its place (a point of the line) on it.
+
+    The points are averaged in blocks of equal size, the largest for which all points stay within a distance of the
+    line; if there is no such size, in the smallest blocks.
+    """
+    size = max(len(points) // _FEWEST, 1)
+    least = -(-len(points) // _MANY)
+    while True:
+        size = max(int(size / _FINER), least)
+        owners = np.arange(len(points)) // size
+        count = np.bincount(owners)
+        blocks: Complexes = np.bincount(owners, points.real) / count + 1j * (np.bincount(owners, points.imag) / count)
+        if len(blocks) < 4:
+            return points, np.arange(len(points))
+        inner = 0.25 * blocks[:-2] + 0.5 * blocks[1:-1] + 0.25 * blocks[2:]
+        eased = np.concatenate(([1.5 * blocks[0] - 0.5 * inner[0]], inner, [1.5 * blocks[-1] - 0.5 * inner[-1]]))
+        if size == least or _away_m(points, eased) <= within_m:
+            return eased, owners
+
+
+def _away_m(points: Complexes, line: Complexes) -> float:
+    """Return the largest distance of points (n,) from the line through other points."""
+    way = LineString(np.stack((line.real, line.imag), axis=1))
+    prepare(way)
+    return float(np.max(distance(shapely_points(points.real, points.imag), way)))
+
+
+def through(drawn: Complexes, eased: Complexes, owners: Ints, tolerance_m: float, thin_m: float) -> list[SmoothPart]:
+    """Split a line through points (m,) at its corners, and return the smooth parts.
+
+    ``eased`` holds the smoothed points, ``drawn`` the original points (n,), and ``owners`` the smoothed point of each
+    of these. Points within ``thin_m`` of the line through the other points are removed first. An arc over a leg of
+    length h between headings that differ by phi deviates from the leg by h phi / 8; a point is a corner if this
+    deviation exceeds the tolerance.
+    """
+    numbers = _kept(eased, thin_m)
     if len(numbers) < 2:
         return []
     legs = np.diff(eased[numbers])
     long, turns = np.abs(legs), np.abs(np.angle(legs[1:] / legs[:-1]))
     corners = np.flatnonzero(np.maximum(long[1:], long[:-1]) * turns / 8 > tolerance_m) + 1
     ends = [0, *corners.tolist(), len(numbers) - 1]
-    return [_curve(drawn, eased, numbers[first:last + 1]) for first, last in pairwise(ends)]
+    along_m, eased_m = _along_m(drawn, eased, owners), gone_m(eased)
+    return [_curve(drawn, along_m, eased, eased_m, numbers[first:last + 1]) for first, last in pairwise(ends)]
+
+
+def _along_m(drawn: Complexes, eased: Complexes, owners: Ints) -> Floats:
+    """Return the distances (n,) along a smoothed line of the places next to the original points, in order."""
+    at_m, legs = gone_m(eased), np.diff(eased)
+    long = np.maximum(np.abs(legs), _TINY_M)
+    best, away = np.zeros(len(drawn)), np.full(len(drawn), inf)
+    for side in (-1, 0):
+        leg = np.clip(owners + side, 0, len(legs) - 1)
+        way = legs[leg] / long[leg]
+        along = np.clip(((drawn - eased[leg]) * way.conjugate()).real, 0.0, long[leg])
+        off = np.abs(drawn - eased[leg] - along * way)
+        best, away = np.where(off < away, at_m[leg] + along, best), np.minimum(off, away)
+    out: Floats = np.maximum.accumulate(best)
+    return out
 
 
 def _kept(points: Complexes, away_m: float) -> Ints:
@@ -224,15 +366,14 @@ def _eased(points: Complexes, within_m: float) -> Complexes:
     return out
 
 
-def _curve(drawn: Complexes, eased: Complexes, numbers: Ints) -> SmoothPart:
+def _curve(drawn: Complexes, along_m: Floats, eased: Complexes, eased_m: Floats, numbers: Ints) -> SmoothPart:
     """Return a smooth part through points; headings are tangent to circles through each point and its neighbours."""
     points = eased[numbers]
     legs = np.diff(points)
     long, ways = np.abs(legs), legs / np.abs(legs)
-    between = np.arange(numbers[0], numbers[-1] + 1)
-    leg = np.minimum(np.searchsorted(numbers, between, side='right') - 1, len(legs) - 1)
-    along = ((drawn[between] - points[leg]) * ways[leg].conjugate()).real
-    at_m = np.maximum.accumulate(gone_m(points)[leg] + np.clip(along, 0.0, long[leg]))
+    ends_m = eased_m[numbers]
+    between = np.arange(np.searchsorted(along_m, ends_m[0]), np.searchsorted(along_m, ends_m[-1], side='right'))
+    at_m = np.interp(along_m[between], ends_m, gone_m(points))
     if len(points) == 2:
         return SmoothPart(points, np.repeat(ways, 2), drawn[between], at_m)
     inner = ways[:-1] * long[1:] + ways[1:] * long[:-1]
@@ -245,7 +386,8 @@ def _curve(drawn: Complexes, eased: Complexes, numbers: Ints) -> SmoothPart:
 class _SmoothLine:
     """Smooth parts joined end to end; distances (m) are measured along them."""
 
-    def __init__(self, stretches: Sequence[SmoothPart]) -> None:
+    def __init__(self, stretches: Sequence[SmoothPart], work: Work) -> None:
+        self.work = work
         self.stretches = [one for one in stretches if len(one.points) > 1]
         self.begins_m = np.concatenate(([0.0], np.cumsum([one.gone_m[-1] for one in self.stretches])))
         self.reaches_m: dict[tuple[tuple[float, float], float], float | None] = {}      # keyed by position and radius
@@ -306,12 +448,17 @@ class _SmoothLine:
         return slice(max(int(first) - 2, 0), int(stop) + 1)
 
     def drawn_between(self, low_m: float, high_m: float) -> Complexes:
-        """Return the original points of the drawing between two distances, including the points at both ends."""
+        """Return the original line between two distances, including its points at both ends."""
         near = self._near(low_m, high_m)
-        inner = [one.drawn[slice(*np.searchsorted(one.drawn_at_m, (low_m - begin, high_m - begin), side='right'))]
-                 for begin, one in zip(self.begins_m[near].tolist(), self.stretches[near], strict=False)
-                 if begin <= high_m and begin + one.gone_m[-1] >= low_m]
-        return np.concatenate(([self.pose(low_m, True)[0]], *inner, [self.pose(high_m, False)[0]]))
+        at, drawn = list[Floats](), list[Complexes]()
+        for begin, one in zip(self.begins_m[near].tolist(), self.stretches[near], strict=False):
+            at.append(begin + one.drawn_at_m)
+            drawn.append(one.drawn)
+        at_m, points = np.concatenate(at), np.concatenate(drawn)
+        ends = [complex(np.interp(end, at_m, points.real), np.interp(end, at_m, points.imag))
+                for end in (low_m, high_m)]
+        first, stop = np.searchsorted(at_m, low_m), np.searchsorted(at_m, high_m, side='right')
+        return np.concatenate((ends[:1], points[first:stop], ends[1:]))
 
 
 @dataclass(frozen=True)
@@ -328,8 +475,9 @@ class _Blend:
         return min(bow.radius_m for bow in self.bows)
 
 
-def _routed(stretches: Sequence[SmoothPart], radius_m: float, least_m: float, tolerance_m: float) -> Route:
-    drawn = _SmoothLine(stretches)
+def _routed(stretches: Sequence[SmoothPart], radius_m: float, least_m: float, tolerance_m: float,
+            work: Work) -> Route:
+    drawn = _SmoothLine(stretches, work)
     if not drawn.stretches:
         raise InputError('the drawing has no length; draw a line', field='drawing')
     corners = drawn.corners()
@@ -360,6 +508,7 @@ def _joined(places: list[tuple[float, float]]) -> list[tuple[float, float]]:
 def _blends(drawn: _SmoothLine, corners: list[tuple[float, float]], radius_m: float, least_m: float) -> list[_Blend]:
     """Return a blend for each corner; corners that are too close together for two blends share one."""
     while corners:
+        drawn.work.spend(len(corners))
         slim = [_reach_m(drawn, place, least_m) for place in corners]
         for place, reach in zip(corners, slim, strict=True):
             if reach is None:
@@ -437,6 +586,7 @@ def _tangent_m(drawn: _SmoothLine, place: tuple[float, float], radius_m: float) 
 
 def _bent(drawn: _SmoothLine, place: tuple[float, float], reach_m: float, radius_m: float) -> tuple[Bow, Bow] | None:
     """Return the biarc around a corner if its radii are large enough and no arc makes half a turn, else None."""
+    drawn.work.spend(0)
     low, high = _ends(drawn, place, reach_m)
     found = biarc(*drawn.pose(low, False), *drawn.pose(high, True))
     if found is None or any(bow.radius_m < radius_m * (1 - _SAME) or abs(bow.angle_rad) > pi for bow in found):
@@ -485,7 +635,7 @@ def _fit(drawn: _SmoothLine, blends: list[_Blend], tolerance_m: float,
                 bow = Bow(complex(one.points[0]), way / abs(way), abs(way), 0.0)
                 parts.append(_FittedArcs(begin, begin + abs(way), (bow,)))
                 continue
-            found = fitted(one.points, one.headings, tolerance_m, least_m)
+            found = fitted(one.points, one.headings, tolerance_m, least_m, drawn.work.spend)
             for (first, last), bows in zip(found.spans, found.biarcs, strict=True):
                 span = begin + float(one.gone_m[first]), begin + float(one.gone_m[last])
                 if bows is None:
@@ -513,11 +663,22 @@ def _laid(drawn: _SmoothLine, blends: list[_Blend], parts: list[_FittedArcs], to
 
 
 def _apart_m(drawn: _SmoothLine, part: _FittedArcs, sag_m: float) -> float:
-    """Return the Hausdorff distance between arcs and the part of the drawn line that they replace."""
-    lines = drawn.drawn_between(part.low_m, part.high_m), np.concatenate([bow.points(sag_m) for bow in part.bows])
-    ends = (LineString(np.stack((some.real, some.imag), axis=1)) for some in lines)
-    with np.errstate(invalid='ignore'):     # GEOS 3.11 sets this floating-point flag even for valid input
-        return float(hausdorff_distance(*ends))
+    """Return the Hausdorff distance between arcs and the part of the drawn line that they replace.
+
+    It is exact at the points of the drawing, and sampled between them and along the arcs.
+    """
+    line, arcs = drawn.drawn_between(part.low_m, part.high_m), [bow.points(sag_m) for bow in part.bows]
+    at_points_m = strays_m(part.bows, line)
+    legs = np.abs(np.diff(line))
+    step_m = max(float(np.sum(legs)) / _BETWEEN, 0.01 * at_points_m, sag_m)
+    counts = np.ceil(legs / step_m).astype(int)
+    leg = np.repeat(np.arange(len(legs)), np.maximum(counts - 1, 0))
+    share = (np.arange(len(leg)) - np.repeat(np.cumsum(np.maximum(counts - 1, 0)) - np.maximum(counts - 1, 0),
+                                             np.maximum(counts - 1, 0)) + 1) / counts[leg]
+    between_m = strays_m(part.bows, line[leg] + share * (line[leg + 1] - line[leg]))
+    along_m = _away_m(np.concatenate(arcs), line)
+    hair_m = at_points_m + _SAME * float(np.sum(legs))
+    return max(at_points_m, between_m, along_m + sag_m if along_m > hair_m else 0.0)
 
 
 def _shift_m(bows: list[Bow], laid: list[Bow]) -> float:

@@ -71,7 +71,7 @@ def test_a_curve_is_fitted_with_few_arcs_within_the_tolerance():
     points, rates = u + 2j * np.sin(u), 1 + 2j * np.cos(u)
     counts = []
     for tolerance_m in (1e-2, 1e-3, 1e-4):
-        found = fitted(points, rates / np.abs(rates), tolerance_m, 0.1)
+        found = fitted(points, rates / np.abs(rates), tolerance_m, 0.1, lambda points: None)
         bows = [bow for pair in found.biarcs for bow in pair]
         assert strays_m(tuple(bows), points) <= tolerance_m
         counts.append(len(bows))
@@ -81,6 +81,6 @@ def test_a_curve_is_fitted_with_few_arcs_within_the_tolerance():
 
 def test_where_arcs_would_bend_too_tightly_there_are_none():
     u = np.linspace(0, 2 * pi, 200)
-    found = fitted(3 * np.exp(1j * u), 1j * np.exp(1j * u), 1e-2, 3.1)
+    found = fitted(3 * np.exp(1j * u), 1j * np.exp(1j * u), 1e-2, 3.1, lambda points: None)
     assert all(one is None for one in found.biarcs)
     assert [first for first, _ in found.spans] == list(range(199))

@@ -6,14 +6,24 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from properties import examples
+from properties import examples, thinned
 from shapely import LineString, STRtree, linestrings, segmentize
 from shapely import points as as_points
 
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.tracks.biarcs import Bow
 from dragon_ros.core.tracks.composite import track_of
-from dragon_ros.core.tracks.drawn import LEAD_IN_M, Cubic, EllipseArc, _joined, _shift_m, along
+from dragon_ros.core.tracks.drawn import (
+    LEAD_IN_M,
+    Cubic,
+    EllipseArc,
+    Work,
+    WorkError,
+    _joined,
+    _shift_m,
+    along,
+    noise_m,
+)
 from dragon_ros.core.tracks.polyline import polyline
 from dragon_ros.core.tracks.spec import Arc, Composite, Line
 
@@ -28,10 +38,10 @@ def routed(*parts, radius_m=RADIUS_M, tolerance_m=TOLERANCE_M):
     return along(parts, radius_m, LEAST_M, tolerance_m)
 
 
-def laid(route):
+def laid(route, sag_m=1e-5):
     """Return the track of a route, from the start of the drawing, as a line of closely spaced points."""
     track = track_of(Composite(route.pieces))
-    return LineString(polyline(track, route.lead_in_m, track.end_m, 1e-5))
+    return LineString(polyline(track, route.lead_in_m, track.end_m, sag_m))
 
 
 def apart_m(route, drawn):
@@ -234,3 +244,55 @@ def test_a_line_lets_the_body_in_only_where_the_drawing_begins_with_a_bend(back,
 def test_a_corner_has_the_largest_radius_that_fits_its_legs(radius_m):
     (change,) = routed(points((0, 0), (10, 0), (10, 10)), radius_m=radius_m).changes
     assert change.radius_m == pytest.approx(min(radius_m, 10.0), abs=1e-4)
+
+
+def random_line(seed):
+    """Return a winding line with noise, steps of any length, sometimes a stop and a repeated start, and a tolerance."""
+    rng = np.random.default_rng(seed)
+    n, step = int(rng.integers(3, 60)), float(rng.choice([0.3, 1.0, 3.0, 10.0]))
+    turns = np.cumsum(rng.normal(0, rng.choice([0.02, 0.1, 0.4]), n))
+    line = np.cumsum(step * np.exp(1j * turns) * rng.uniform(0.3, 1.5, n))
+    if seed % 5 == 0:
+        line = np.concatenate((line[:2], line[:n // 2], np.repeat(line[n // 2], 5), line[n // 2:]))
+    noise = step * (0.0, 0.003, 0.05, 1.0)[seed % 4]
+    line = line + noise * (rng.normal(size=len(line)) + 1j * rng.normal(size=len(line)))
+    return line, float(rng.choice([0.02, 0.1, 0.5])) if seed % 4 < 3 else 10 * step
+
+
+@pytest.mark.parametrize('first', thinned(range(0, 1000, 50), lambda first: first < 50))
+def test_no_point_of_a_random_line_or_its_track_strays_further_than_is_said(first):
+    """The tolerance holds where no change is reported."""
+    walked = 0
+    for seed in range(first, first + 50):
+        drawn, tolerance_m = random_line(seed)
+        try:
+            route = along((drawn,), RADIUS_M, LEAST_M, tolerance_m, Work(400_000))
+        except InputError:
+            continue
+        walked += 1
+        said_m = max([route.strays_m, *(change.off_m for change in route.changes)])
+        assert apart_m(route, drawn) <= said_m + 1e-5, seed
+        assert route.strays_m <= tolerance_m, seed
+    assert walked > 25
+
+
+@pytest.mark.parametrize('count', [400, 3000])
+def test_a_recording_with_noise_is_smoothed_to_few_pieces_within_what_is_said(count):
+    rng = np.random.default_rng(count)
+    way = np.linspace(0, 600, count) + 40j * np.sin(np.linspace(0, 9, count))
+    drawn = way + 3 * (rng.normal(size=count) + 1j * rng.normal(size=count))
+    assert noise_m(drawn) == pytest.approx(3, rel=0.15)
+    assert noise_m(way) == 0
+    route = routed(drawn, tolerance_m=15.0)
+    assert len(route.pieces) < 60
+    assert route.off_m == 0
+    assert largest_m(np.stack((drawn.real, drawn.imag), axis=1), np.array(laid(route).coords)) <= route.strays_m + 1e-5
+    assert route.strays_m <= 15
+    assert largest_m(np.stack((way.real, way.imag), axis=1), np.array(laid(route).coords)) < 10
+
+
+def test_work_on_a_drawing_ends_at_a_limit_with_a_cure():
+    rng = np.random.default_rng(1)
+    drawn = np.arange(300) + 3 * (rng.normal(size=300) + 1j * rng.normal(size=300))
+    with pytest.raises(WorkError, match='more than 100000 steps of work; give a larger --tolerance'):
+        along((drawn,), RADIUS_M, LEAST_M, TOLERANCE_M, Work(100_000))
