@@ -13,6 +13,13 @@ def files(folder: str, pattern: str = '*') -> list[str]:
     return sorted(path.as_posix() for path in Path(folder).glob(pattern) if path.is_file() and path.suffix != '.py')
 
 
+def executables() -> list[str]:
+    """Return the scripts of the executables, without those of packages that are absent."""
+    absent = {name for folder, name in (('dragon_contest', 'grade'), ('dragon_studies', 'study'))
+              if not Path(folder).is_dir()}
+    return [path for path in files('scripts') if Path(path).name not in absent]
+
+
 def configuration() -> list[tuple[str, list[str]]]:
     """Return every folder below msg_configs with its files, for installation in share/."""
     folders = [Path('msg_configs'), *sorted(path for path in Path('msg_configs').rglob('*') if path.is_dir())]
@@ -41,7 +48,7 @@ setup(
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
-        (f'lib/{NAME}', files('scripts')),
+        (f'lib/{NAME}', executables()),
         (f'share/{NAME}/launch', ['launch/dragon.launch.py']),
         *configuration(),
     ],

@@ -518,9 +518,36 @@ def filters(folder: Path) -> Target:
                                b'(.*?)', b'{9999}', b'(?', b'[', b'\\', b'*', b'(?R)', b'{e<=9}'))
 
 
+def results(folder: Path) -> Target:
+    """CSV files of results that are graded: layouts of teams with other labels, numbers and separators."""
+    import json
+
+    from dragon_contest.grade.tables import csv_text, json_text, text_of
+    from dragon_contest.grade.team import Team, grade_team
+    path = folder / 'result1.csv'
+
+    def run(data: bytes) -> None:
+        path.write_bytes(data)
+        grade = grade_team(Team('a', [path]))
+        for lang in ('en', 'zh'):
+            assert all('\n' not in one.line(lang) for one in grade.problems)
+            assert all(line.startswith(('a', ' ')) for line in text_of([grade], lang).split('\n'))
+        json.loads(json_text([grade]), parse_constant=lambda name: 1 / 0)
+        assert csv_text([grade]).count('\n') == 1
+    names = ['龙头', *(f'第{n}节龙身' for n in range(1, 6)), '龙尾', '龙尾（后）']
+    wide = '\n'.join([',0 s,60 s,120 s', *(f'{name}{axis} (m),{k}.5,{k}.25,-{k}.125' for k, name in enumerate(names)
+                                          for axis in 'xy')])
+    long = '\n'.join(['time,section,x,y,v', *(f'{t},{k},{k}.5,-{k}.5,1.0' for t in range(-3, 3) for k in range(1, 9))])
+    plain = '\n'.join(f'{k / 9:.6f},{-k / 7:.6f},1.0' for k in range(224))
+    return Target([one.encode() for one in (wide, long, plain)], run, (
+        b'\n', b',', b';', b'\t', b'"', b'nan', b'inf', b'-1e308', b'1e99', b's', b'-100_x', '速度'.encode(), b'tail',
+        b'225', b'0:01:00', b'45000', '\u2028'.encode(), b'=1+1', b'\x1b[2J', b'\r'))
+
+
 TARGETS: dict[str, Callable[[Path], Target]] = {
     'bag': bag, 'mix': mix, 'folder': folder_of_parts, 'scene': scene, 'override': override, 'certificate': certificate,
-    'study': study, 'request': request, 'command_line': command_line, 'workbook': workbook, 'message': message,
+    'study': study, 'request': request, 'command_line': command_line, 'workbook': workbook, 'results': results,
+    'message': message,
     'obstacles': obstacles, 'command': command, 'drawing': drawing, 'map': map_file,
     'filters': filters}
 
