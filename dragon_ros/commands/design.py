@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from dragon_ros.cli import command_line
 from dragon_ros.cli.progress import Progress
 from dragon_ros.core.checks import number
-from dragon_ros.core.domain import SPEED
 from dragon_ros.core.errors import FieldError, InputError
 from dragon_ros.core.words import counted
 
@@ -151,6 +150,7 @@ def _max_speed_answer(arguments: Namespace) -> dict[str, Any]:
     """Return the largest leader speed (profiles are scaled), and the handle that reaches the limit and its position."""
     from dataclasses import asdict
 
+    from dragon_ros.core.domain import SPEED
     from dragon_ros.core.search.max_speed import max_speed
     limit = number('--limit', arguments.limit, above=0.0, high=SPEED.high)
     scene = command_line.scene_from(arguments)
