@@ -82,8 +82,8 @@ def check_needs(effects: Effect) -> None:
 
 
 def known() -> dict[str, Effect]:
-    """Return every effect except NONE by name (Python 3.10 also iterates over NONE)."""
-    return {str(effect.name).lower(): effect for effect in Effect if effect.value}
+    """Return every effect except NONE by name."""
+    return {str(effect.name).lower(): effect for effect in Effect}
 
 
 @lru_cache(maxsize=256)
