@@ -26,7 +26,6 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import bracketed_newton, illinois
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.tracks.composite import Place
 from dragon_ros.core.tracks.segments import BEHIND
 
 if TYPE_CHECKING:       # scenes without a venue do not need this module
@@ -310,7 +309,3 @@ class SearchDomain:
         """Return how far the model continues from a leader position in one sense."""
         limit = self.simulation.model.limits[sense > 0]
         return sense * (limit.gone_m - gone_m) if limit else inf
-
-    def place(self, along_m: float) -> Place:
-        """Return the track position at a distance along the track."""
-        return self.track.place_at(along_m)
