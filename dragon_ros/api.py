@@ -276,7 +276,7 @@ class Simulated:
         if found.closest is None:
             return Clearance(t_s, None, None, None, None)
         inner, outer = found.closest
-        levers, count = corner_levers(dragon, self.simulation.model.track.bend), len(benches.half_length)
+        levers, count = corner_levers(dragon), len(benches.half_length)
         met = [bench for bench in (inner, outer) if bench < count]      # the others are obstacles
         obstacle = venue.names[outer - count] if venue is not None and outer >= count else None
         return Clearance(t_s, found.clearance_m, float(levers[met].sum()) * self.simulation.promise_m,

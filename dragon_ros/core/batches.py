@@ -27,13 +27,10 @@ def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
     if not 0 <= first <= stop <= simulation.last_tick + 1:
         raise FieldError('ticks', f'{first} to {stop}', f'the run has ticks 0 to {simulation.last_tick}',
                          'give a range of these ticks')
-    size = max(1, _TICK_HANDLES // (scene.dragon.benches + 1)) if np.all(simulation.model.links_m) else 1
+    size = max(1, _TICK_HANDLES // (scene.dragon.benches + 1))
     for begin in range(first, stop, size):
         times_ns = [scene.run.time_ns(k) for k in range(begin, min(begin + size, stop))]
         chains = [simulation.chain(scene.run.seconds(t_ns)) for t_ns in times_ns]
-        if size == 1:       # only the chain itself can compute the directions of zero-length links
-            yield frame_of(simulation, begin, times_ns[0], chains[0])
-            continue
         together = replace(chains[0], p=np.stack([chain.p for chain in chains]))
         axes = axes_of(together)
         all_benches = benches_of(together, scene.dragon, axes) if simulation.on.benches else None

@@ -201,15 +201,13 @@ class MarchedLinks:
         rows[..., chain.slice_of(self), :] = chain.track.headings(*self.handles)[..., ::-chain.direction, :]
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
-        """Fill in velocities; both handles of a zero-length link have the same speed."""
+        """Fill in velocities."""
         some, order = chain.slice_of(self), slice(None, None, -chain.direction)
         heading = chain.track.headings(*self.handles)
         p = chain.p[..., some, :][..., order, :]
         link = p[..., :-1, :] - p[..., 1:, :]
         near, far = dot(link, heading[..., :-1, :]), dot(link, heading[..., 1:, :])
-        joined = far == 0
-        ratio = np.where(joined, 1.0, near) / np.where(joined, 1.0, far)
-        speeds = np.concatenate((np.ones((*ratio.shape[:-1], 1)), np.cumprod(ratio, axis=-1)), axis=-1)
+        speeds = np.concatenate((np.ones((*near.shape[:-1], 1)), np.cumprod(near / far, axis=-1)), axis=-1)
         speeds *= np.asarray(speed)[..., None]
         out.reshape(chain.p.shape)[..., some, :] = (speeds[..., None] * heading)[..., order, :]
         return speeds[..., -1] if chain.p.ndim > 2 else float(speeds[-1])
@@ -247,18 +245,17 @@ class MarchedLink(NamedTuple):
             out[at], out[at + 1] = heading.real, heading.imag
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
-        """Fill in velocities; both handles of a zero-length link have the same speed."""
+        """Fill in velocities."""
         at, following = self._numbers(chain)
         segments, (k, u), (k_2, u_2) = chain.track.segments, self.near, self.far
         one = segments[k].heading(*u)
         out[at], out[at + 1] = speed * one.real, speed * one.imag
         last = self.start + 1 == chain.links_m.size
         if k == k_2 and not last:
-            return speed * segments[k].pace(u, u_2) if u != u_2 else speed
+            return speed * segments[k].pace(u, u_2)
         two, p = segments[k_2].heading(*u_2), chain.p
         x, y = p.item(at) - p.item(following), p.item(at + 1) - p.item(following + 1)
-        if x or y:
-            speed *= (x * one.real + y * one.imag) / (x * two.real + y * two.imag)
+        speed *= (x * one.real + y * one.imag) / (x * two.real + y * two.imag)
         if last:
             out[following], out[following + 1] = speed * two.real, speed * two.imag
         return speed
@@ -295,17 +292,7 @@ def marched_many(track: Track, links_m: Floats, leaders: Places, direction: int)
 def chain_of(track: Track, links_m: Floats, direction: int, handles: Places, evaluations: int) -> Chain:
     """Return the chain with the given handles (..., N+1), which are in order from the leader."""
     p = track.points(*handles)[..., ::-direction, :]
-    if not np.all(links_m):
-        p = p.copy()
-        join(p, links_m, direction)
     return Chain(read_only(p), links_m, evaluations, track, direction, (MarchedLinks(0, handles),))
-
-
-def join(p: Floats, links_m: Floats, direction: int) -> None:
-    """Move both handles of each zero-length link to the same point, because solvers may round them differently."""
-    for link in np.flatnonzero(links_m == 0)[::-direction].tolist():
-        near, far = (link, link + 1) if direction == BEHIND else (link + 1, link)
-        p[..., far, :] = p[..., near, :]
 
 
 def arrays_of(handles: Handles) -> Places:

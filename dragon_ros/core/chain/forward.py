@@ -183,16 +183,12 @@ def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block
     u, lo = rows[1][at[on], on], rows[2][at[on], on]
     edge, left = track.edge(k, block.link_m, direction), block.stop - at[on]
     step = float(track.segments[k].shifts(u[:1], block.link_m, direction, None)[0][0])
-    if step:
-        most = np.minimum(left, (edge - u) / step + 1)
-        steps = 1.0 + np.arange(int(np.max(most)))[:, None]
-        high, low = u, lo
-        for part in product(steps, step):
-            high, low = plus(high, low, part)
-        stays = (steps <= left) & (np.minimum(u, edge) <= high) & (high <= np.maximum(u, edge))
-    else:       # the handles of zero-length links coincide
-        stays = np.arange(int(np.max(left)))[:, None] < left
-        high, low = (np.broadcast_to(values, stays.shape) for values in (u, lo))
+    most = np.minimum(left, (edge - u) / step + 1)
+    steps = 1.0 + np.arange(int(np.max(most)))[:, None]
+    high, low = u, lo
+    for part in product(steps, step):
+        high, low = plus(high, low, part)
+    stays = (steps <= left) & (np.minimum(u, edge) <= high) & (high <= np.maximum(u, edge))
     row, column = np.nonzero(stays)
     there = at[on[column]] + row + 1, on[column]
     rows[0][there], rows[1][there], rows[2][there] = k, high[stays], low[stays]

@@ -163,4 +163,4 @@ def _inwards(theta: float, chord: float) -> float:
     if delta == inf:
         return -inf
     s = sin(0.5 * delta)
-    return delta * cos(delta) + 2 * theta * s * ((theta + delta) * cos(0.5 * delta) - s) if chord else 1.0
+    return delta * cos(delta) + 2 * theta * s * ((theta + delta) * cos(0.5 * delta) - s)

@@ -36,22 +36,18 @@ class Benches:
         return np.stack((c + along + side, c - along + side, c - along - side, c + along - side), axis=-2)
 
 
-def corner_levers(dragon: AnyDragon, bend: float) -> Floats:
+def corner_levers(dragon: AnyDragon) -> Floats:
     """Return the largest error of any corner of each bench (N,), relative to the position error of its handles.
 
     Let s be the length of a bench divided by that of its link, w its width, and e the error of both handles. Across the
     link, the error of a corner is (1 + s) / 2 times the error of one handle plus (1 - s) / 2 times that of the other;
     along the link, it is the mean of both errors. The largest norm of this sum is s e, or 2 e / sqrt(4 - s^2) if s^2 <
     2. The link turns by at most 2 e over its length, which moves the corners along the link by another w e / link.
-    These are the terms of first order in e / link. A bench whose link has zero length turns with the track, whose
-    largest curvature is ``bend``.
+    These are the terms of first order in e / link.
     """
     length, link, width = dragon.bench_lengths_m, dragon.link_lengths_m, dragon.width_m
-    joined = link == 0
-    some = np.where(joined, 1.0, link)
-    ratio = length / some
-    short = 2 / np.sqrt(4 - np.minimum(ratio * ratio, 2.0))
-    out: Floats = np.where(joined, 1 + 0.5 * bend * np.hypot(length, width), np.maximum(ratio, short) + width / some)
+    ratio = length / link
+    out: Floats = np.maximum(ratio, 2 / np.sqrt(4 - np.minimum(ratio * ratio, 2.0))) + width / link
     return out
 
 
@@ -63,13 +59,9 @@ def together(one: Benches, other: Benches) -> Benches:
 
 
 def axes_of(chain: Chain) -> Floats:
-    """Return unit vectors (..., N, 2) from handle i + 1 to handle i; a zero-length link points along the track."""
+    """Return unit vectors (..., N, 2) from handle i + 1 to handle i."""
     axis = chain.p[..., :-1, :] - chain.p[..., 1:, :]
     length = np.hypot(axis[..., 0], axis[..., 1])
-    if not length.all():
-        joined = length == 0
-        axis = np.where(joined[..., None], -chain.tangents[..., :-1, :], axis)
-        length = np.where(joined, 1.0, length)
     for part in (axis[..., 0], axis[..., 1]):
         part /= length
     return read_only(axis)

@@ -207,7 +207,7 @@ def _reach(ranges: 'HandleRanges', kinds: list[Ints], search: _Reaching, side: i
     low_m = (x, -x, y, -y)[side]
     high_m = max(low_m, float(search.best[side]), float(search.high[side]))
     simulation = compile_scene(scene)
-    lever = float(corner_levers(scene.dragon, simulation.model.track.bend)[bench])
+    lever = float(corner_levers(scene.dragon)[bench])
     # Corners beyond the handles have larger rounding errors.
     high_m += lever * simulation.promise_m + PER_METRE * max(0.0, abs(high_m) - simulation.size_m)
     return Reach(SIDES[side], low_m, high_m, bench, CORNERS[corner], t_s, (x, y))

@@ -145,7 +145,7 @@ class SearchDomain:
         self._travel, self._tell = travel, progress
         # The errors of handles and of gaps, and what a lower bound on a gap must exceed: the gap's error at two states.
         self.error_m = simulation.promise_m
-        self.gap_error_m = 2 * self.error_m * float(np.max(corner_levers(self.dragon, self.track.bend)))
+        self.gap_error_m = 2 * self.error_m * float(np.max(corner_levers(self.dragon)))
         self.tolerance_m = 2 * self.gap_error_m
         self.slack_m = max(_SLACK_M, _PROMISES * self.error_m)
         self.near_m = _NEAR * self.slack_m

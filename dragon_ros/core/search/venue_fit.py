@@ -203,7 +203,7 @@ def _gaps(ranges: HandleRanges, kinds: list[Ints], search: '_Nearing') -> list[O
     """Return the result for each obstacle, with the bench that comes closest and the time when it does."""
     scene, around = ranges.scene, search._around
     simulation = compile_scene(scene)
-    size_m, levers = simulation.size_m, corner_levers(scene.dragon, simulation.model.track.bend)
+    size_m, levers = simulation.size_m, corner_levers(scene.dragon)
     off_m = float(rounding_m(max(size_m, around.far_m), float(np.max(scene.dragon.bench_lengths_m)
                                                               + scene.dragon.width_m)))
     out, firsts = dict[int, ObstacleGap](), np.searchsorted(around.owner, np.arange(len(around.names) + 1))

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dragon_ros.core.chain.chain import Chain, MarchedLink, MarchedLinks, PlacedLinks, arrays_of, join, marched_many
+from dragon_ros.core.chain.chain import Chain, MarchedLink, MarchedLinks, PlacedLinks, arrays_of, marched_many
 from dragon_ros.core.chain.forward import Block, blocks_of, forward, forward_many, locked
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
@@ -197,10 +197,6 @@ class Placement:
         return min([*lengths_m, self.leader_map.stretch_m] if self.leader_map else lengths_m, default=inf)
 
     @cached_property
-    def _joins(self) -> bool:
-        return not np.all(self.links_m)
-
-    @cached_property
     def _plan(self) -> tuple[tuple[int, int, float, ShiftMap | None, list[_NextPlace]], ...]:
         """For each block: its first and last handles, link length, shift map, and the step on each segment."""
         return tuple((*block, shift, [self._step(k, block.link_m) for k in range(len(self.track.segments))])
@@ -236,8 +232,6 @@ class Placement:
         if not whole:
             spent = self._place_blocks(flat, leader, led if self._is_one_block else self._led(flat, leader), parts)
         p = flat.reshape(-1, 2)
-        if self._joins:
-            join(p, self.links_m, self.direction)
         p.setflags(write=False)
         return Chain(p, self.links_m, spent, self.track, self.direction, tuple(parts))
 
@@ -264,12 +258,12 @@ class Placement:
 
     @cached_property
     def leader_map(self) -> LeaderMap | None:
-        """The leader map, for chains that are neither too short nor too long, unless all links have zero length.
+        """The leader map, for chains that are neither too short nor too long.
 
         If a single shift map covers almost all links accurately, it also places the chains from which the leader map is
         fitted.
         """
-        if not self.uses_leader_map or not FEWEST <= self.links_m.size <= MOST_LINKS or not np.any(self.links_m):
+        if not self.uses_leader_map or not FEWEST <= self.links_m.size <= MOST_LINKS:
             return None
         others = sum(block.stop - block.start for block, shift in self.blocks if not shift)
         if len(self.maps) == 1 and others < FEWEST:
@@ -403,8 +397,6 @@ class Placement:
                 part.fill(some)
             else:
                 some[:] = self.track.points(*part.places())[:, ::-self.direction]
-        if self._joins:
-            join(p, self.links_m, self.direction)
         read_only(p)
         return chain
 

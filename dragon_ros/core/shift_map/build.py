@@ -168,10 +168,8 @@ class Span:
 def span_of(track: Track, link_m: float, stretch: Stretch) -> Span | None:
     """Return the span for blocks of links of length ``link_m`` whose leaders are on a stretch.
 
-    The result is None if the links have zero length, or if the tables would be too large.
+    The result is None if the tables would be too large.
     """
-    if not link_m:
-        return None
     try:
         front = _front(track, link_m, stretch)
         low_m, front_m = max(stretch.low_m, track.begin_m), track.distance_of(front)[0]

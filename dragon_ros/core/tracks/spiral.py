@@ -236,8 +236,6 @@ def step(theta: float, chord: float, guess: float) -> tuple[float, int]:
     """
     if chord > 2 * theta + pi:
         return _far_step(theta, chord)
-    if chord == 0.0:
-        return 0.0, 0
     square, delta = chord * chord, guess
     for evaluations in range(1, _CHORD_STEPS):
         half = 0.5 * delta
@@ -270,8 +268,6 @@ def step_in(theta: float, chord: float, guess: float, arc: float) -> tuple[float
         value = 0.5 * (delta * delta - square) + across * inner * s
         return value, delta - across * s + theta * inner * sin(delta)
 
-    if chord == 0.0:
-        return 0.0, 0
     high, delta = _furthest_in(theta, arc), guess
     for evaluations in range(1, _CHORD_STEPS):
         value, slope = excess(delta)
@@ -365,8 +361,6 @@ def first_guesses_in(theta: Floats, chord: float) -> Floats:
 
 def steps_in(theta: Floats, chord: float, guess: Floats, arc: float) -> tuple[Floats, int]:
     """Return the results of ``step_in`` for many angles; angles that do not converge jointly are solved one by one."""
-    if not chord:
-        return np.zeros_like(theta), 0
     delta, change, slope, spent = guess, np.zeros_like(theta), np.ones_like(theta), 0
     with np.errstate(all='ignore'):
         for _ in range(_CHORD_STEPS):

@@ -4,14 +4,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dragon_ros.core.chain.chain import chain_of
 from dragon_ros.core.chain.dragon import Dragon, is_even
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.shift_map.blocks import Placement
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import track_of
-from dragon_ros.core.tracks.segments import AHEAD, BEHIND
-from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral
+from dragon_ros.core.tracks.segments import BEHIND
+from dragon_ros.core.tracks.spec import Spiral
 
 CLASSIC = Scene()
 
@@ -48,18 +47,6 @@ def test_the_worst_link_is_the_one_that_misses_its_length_by_most(link):
     off_m, worst = replace(chain, p=p).worst
     assert worst == link
     assert off_m == pytest.approx(0.25)
-
-
-@pytest.mark.parametrize('direction', [BEHIND, AHEAD])
-def test_handles_of_a_link_of_no_length_are_one_point_and_other_handles_stay_where_they_are_placed(direction):
-    track = track_of(Composite((Line(30.0), Arc(5.0, 90.0)), start_m=30.0))
-    handles = np.zeros(4, dtype=np.int64), np.array([20.0, 19.0, 19.0 - 1e-12, 18.0]), np.zeros(4)
-    bare = chain_of(track, np.ones(3), direction, handles, 0).p
-    joined = chain_of(track, np.array([1.0, 0.0, 1.0]), direction, handles, 0).p
-    np.testing.assert_array_equal(bare, track.points(*handles)[::-direction])
-    assert not np.array_equal(bare[1], bare[2])
-    np.testing.assert_array_equal(joined[1], joined[2])
-    np.testing.assert_array_equal(joined[[0, 3]], bare[[0, 3]])
 
 
 @pytest.mark.parametrize(('axis', 'low_m', 'high_m'), [(0, 1.2, 1.5), (1, 14.9, 15.2)])

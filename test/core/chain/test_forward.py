@@ -92,7 +92,7 @@ WINDING_IN = track_of(STurn())
 
 
 @pytest.mark.parametrize('links', [pytest.param(np.array([2.86, *(1.65,) * 30]), marks=pytest.mark.long),
-                                   np.array([1.1, *(0.0,) * 9, 2.2, *(0.5,) * 20])])
+                                   np.array([1.1, *(0.05,) * 9, 2.2, *(0.5,) * 20])])
 @pytest.mark.parametrize(('track', 'low_m', 'high_m', 'direction'), [
     (CURLY, 10.0, 165.0, BEHIND), (CURLY, -20.0, 95.0, AHEAD), (WINDING_IN, -30.0, 60.0, BEHIND),
     (WINDING_IN, -40.0, 10.0, AHEAD)], ids=['curly', 'curly ahead', 'turn', 'turn ahead'])

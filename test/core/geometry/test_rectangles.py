@@ -27,20 +27,20 @@ def test_no_displacement_of_handles_moves_a_corner_further_than_its_lever(ratio,
     link_m = float(dragon.link_lengths_m[0])
     error_m = SMALL * link_m / ratio
     worst_m = np.max(corner_errors(length_m, link_m, width_m, error_m * TURNS[:, None], error_m * TURNS))
-    lever = float(corner_levers(dragon, 0.0)[0])
+    lever = float(corner_levers(dragon)[0])
     assert 0.65 * lever * error_m < worst_m <= lever * error_m * (1 + 1e-4)
 
 
 @pytest.mark.parametrize(('ratio', 'lever'), [(1.0, 2 / 3**0.5), (1.2, 1.25), (2**0.5, 2**0.5), (3.0, 3.0)])
 def test_the_lever_of_a_narrow_bench_is_attained(ratio, lever):
     dragon = Dragon(1, 2.0, 2.0, 0.01, 0.5 * (2.0 - 2.0 / ratio))
-    assert corner_levers(dragon, 0.0)[0] == pytest.approx(lever, rel=1e-2)
+    assert corner_levers(dragon)[0] == pytest.approx(lever, rel=1e-2)
     worst_m = np.max(corner_errors(2.0, 2.0 / ratio, 0.01, SMALL * TURNS[:, None], SMALL * TURNS))
     assert worst_m == pytest.approx(lever * SMALL, rel=1e-2)
 
 
 def test_the_lever_of_a_wide_bench_is_its_width_over_its_link():
     dragon = Dragon(1, 2.0, 2.0, 100.0, 0.0)
-    assert corner_levers(dragon, 0.0)[0] == pytest.approx(2 / 3**0.5 + 50.0)
+    assert corner_levers(dragon)[0] == pytest.approx(2 / 3**0.5 + 50.0)
     worst_m = np.max(corner_errors(2.0, 2.0, 100.0, SMALL * TURNS[:, None], SMALL * TURNS))
     assert worst_m == pytest.approx(50.0 * SMALL, rel=0.03)

@@ -130,7 +130,7 @@ def test_the_error_of_a_gap_covers_the_rounding_of_a_bench_that_is_wider_than_lo
     scene = Scene(wide, Composite((Line(200.0),), 20.0), run=Run(stop_s=1.0),
                   venue=Venue((LineObstacle('wall', ((-50.0, 1e3), (250.0, 1e3))),)))
     simulation = compile_scene(scene)
-    levers = corner_levers(wide, simulation.model.track.bend)
+    levers = corner_levers(wide)
     promise_m = float(levers[0]) * simulation.promise_m
     assert venue_fit(scene).gaps[0].error_m - promise_m > 0.999 * rounding_m(1e3, 0.5 * (2.2 + 60.0))
 
