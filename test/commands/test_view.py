@@ -13,6 +13,7 @@ import urllib.error
 import urllib.request
 from base64 import b64encode
 from hashlib import sha256
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
@@ -531,3 +532,24 @@ def test_the_page_zooms_by_keys_and_by_two_fingers_and_says_how_wide_a_bench_is(
         'return document.getElementById("scale").textContent')).groups())
     pixels = page.run('return document.getElementById("scene")._fullLayout.xaxis._length') / before[0] * 2
     assert (long, wide) == (pytest.approx(2.2 * pixels, rel=0.06), pytest.approx(0.3 * pixels, rel=0.06))
+
+
+@pytest.mark.parametrize('name', ['<img src=x onerror=alert(1)>', '"><script>alert(1)<_script>', '$\\frac{1}{0}$',
+                                  'javascript:alert(1)', 'a](b)&amp;'])
+def test_nothing_in_the_name_of_a_scene_or_of_an_obstacle_is_executed(capsys, tmp_path, name):
+    scene = tmp_path / f'{name}.yaml'
+    scene.write_text('dragon: {benches: 9}\nrun: {stop_s: 1}\nvenue:\n  obstacles:\n    - {kind: line, points_m: '
+                     f'[[20, 0], [21, 0]], name: {json.dumps(name)}}}\n')
+    files = [tmp_path / f'out{suffix}' for suffix in ('.html', '.svg', '.pdf')]
+    for file in files:
+        kind = ['animation', '--pace', '0.1'] if file.suffix == '.html' else ['dragon']
+        code = main(['plot', *kind, '--scene', str(scene), '--output', str(file)])
+        assert (code, capsys.readouterr().err) == (0, '')
+    page, picture = (file.read_text(encoding='utf-8') for file in files[:2])
+    assert name not in page     # it is in the embedded data, as base64
+    assert any(name in (element.text or '') for element in ElementTree.fromstring(picture).iter())
+    assert not re.search('<(img|script)|href="javascript', picture)
+    assert b'/JavaScript' not in files[2].read_bytes()
+    with serving(SceneSource(name, load_scene(str(scene)))) as server:
+        assert json.loads(get(server, 'run.json'))['name'] == name
+        assert name.encode() not in get(server, '')
