@@ -23,7 +23,8 @@ def pytest_addoption(parser):
 # Libraries that an ordinary ROS 2 install may lack (rosdep has no key for three of them), and the helper modules that
 # import them: if a library is missing, each test file that imports it is skipped and named.
 OPTIONAL = {'flint': 'python-flint', 'arb_balls': 'python-flint', 'motions': 'python-flint', 'mpmath': 'mpmath',
-            'convergence': 'mpmath', 'high_precision': 'mpmath', 'pyarrow': 'pyarrow', 'scipy': 'scipy'}
+            'convergence': 'mpmath', 'high_precision': 'mpmath', 'pyarrow': 'pyarrow', 'scipy': 'scipy',
+            'dragon_studies': 'pyarrow'}
 _IMPORTS = re.compile(r'^(?:from|import) (\w+)', re.MULTILINE)
 
 

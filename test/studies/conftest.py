@@ -2,10 +2,6 @@
 from pathlib import Path
 
 import pytest
-
-pytest.importorskip('scipy')
-pytest.importorskip('pyarrow')
-
 from slow_study import QUICK
 
 
