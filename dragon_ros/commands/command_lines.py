@@ -129,13 +129,13 @@ def route(argv: list[str]) -> int:
     return command_line.guarded('route', partial(run, arguments))
 
 
-def add_drawing_options(options: ArgumentParser) -> None:
+def add_drawing_options(options: ArgumentParser, scale: str = '--scale') -> None:
     """Add the options that select a line in a drawing and turn it into a track."""
     options.add_argument('--obstacles', type=Path, metavar='MAP', help='map with obstacles; those within 100 m of the '
                          'line are used')
     options.add_argument('--path', metavar='NAME', help='the line to walk: id or label of an SVG path, or name of a '
                          'line of a map; #2 is the second line, and NAME#2 the second of that name')
-    options.add_argument('--scale', metavar='1:N', help='scale of an SVG drawing on paper, such as 1:200')
+    options.add_argument(scale, dest='scale', metavar='1:N', help='scale of an SVG drawing on paper, such as 1:200')
     options.add_argument('--unit', metavar='METRES|deg', help='metres per unit of an SVG or CSV file, or deg for '
                          'longitude and latitude in a CSV file')
     options.add_argument('--origin', metavar='LON,LAT|EASTm,NORTHm[,EPSG:N]', help='place of (0, 0), in degrees or in '
@@ -152,17 +152,40 @@ def add_drawing_options(options: ArgumentParser) -> None:
 
 
 def plan(argv: list[str]) -> int:
-    """Write the plan of a scene; return the exit code."""
+    """Write the plan of a scene or of a drawing; return the exit code."""
     options = command_line.parser('plan', 'Draw a scene to scale for printing: track, swept area, gaps and times.\nA '
-                                  'GeoJSON file contains the swept area, the track and the gaps.',
-                                  'plan --scene street --output plan.pdf')
-    command_line.add_scene_options(options, 'street')
-    options.add_argument('--output', type=Path, required=True, metavar='PLAN.pdf|AREA.geojson', help='file to write')
-    options.add_argument('--scale', metavar='1:N', help='scale, from 1:50 to 1:1000 (the largest scale that fits)')
+                                  'GeoJSON file contains the swept area, the track and the gaps. Of a drawing, also '
+                                  'write a page to share\nand the scene, and say whether the dragon fits.',
+                                  'plan way.gpx --obstacles town.osm --benches 60 --bench-length 2.1')
+    options.add_argument('drawing', nargs='?', type=Path, metavar='DRAWING|SCENE.yaml', help='drawing or map with the '
+                         'way of the head (as for route), or a scene')
+    options.add_argument('--benches', type=int, metavar='N', help='number of benches (of a drawing)')
+    options.add_argument('--bench-length', type=float, metavar='METRES', help='length of the benches (of a drawing)')
+    options.add_argument('--bench-width', type=float, metavar='METRES', help='width of the benches (of a drawing)')
+    add_drawing_options(options, '--way-scale')
+    command_line.add_scene_options(options, None)
+    options.add_argument('--output', type=Path, metavar='PLAN.pdf|AREA.geojson', help='file to write (of a drawing: '
+                         'beside it; the page and the scene have the same name)')
+    options.add_argument('--scale', dest='plan_scale', metavar='1:N', help='scale of the plan, from 1:50 to 1:1000 '
+                         '(the largest scale that fits)')
     options.add_argument('--paper', choices=('A4', 'A3'), help='paper size (A4 if the drawing fits, otherwise A3)')
     options.add_argument('--format', choices=('pdf', 'geojson'), help='format (by the suffix of --output)')
     add_lang_option(options, 'the PDF and of the printed gaps')
     options.add_argument('--title', metavar='TEXT', help='title of the plan (the name of the scene)')
     arguments = options.parse_args(argv)
-    from dragon_ros.commands.plan import run
+    if not argv:
+        from dragon_ros.commands.plan_drawing import EXAMPLE
+        print(EXAMPLE.format(program=command_line.program()))
+        return command_line.OK
+    is_scene = arguments.drawing is None or arguments.drawing.suffix.lower() in ('.yaml', '.yml')
+    if is_scene:
+        if arguments.drawing is not None and arguments.scene is not None:
+            options.error('give either SCENE.yaml or --scene')
+        arguments.scene = str(arguments.drawing or arguments.scene or 'street')
+        if arguments.output is None:
+            options.error('the following arguments are required: --output')
+        from dragon_ros.commands.plan import run
+    else:
+        arguments.scene = arguments.scene or 'winding'
+        from dragon_ros.commands.plan_drawing import run
     return command_line.guarded('plan', partial(run, arguments))

@@ -48,6 +48,12 @@ _KINDS = {'pdf': {'--scale', '--paper', '--title'}, 'geojson': set[str]()}     #
 _WIDE = 0.62            # width of a letter relative to the text height
 
 
+def write_pdf(arguments: Namespace, plan: 'Plan', path: Path) -> None:
+    """Write the pages of a plan."""
+    with figures.style(chinese=plan.lang == 'zh'):
+        _write_pages(path, *_pages(plan, *_sheet(arguments, plan)))
+
+
 def run(arguments: Namespace) -> int:
     """Write the plan of a scene; return the exit code."""
     path: Path = arguments.output
@@ -57,8 +63,9 @@ def run(arguments: Namespace) -> int:
         raise InputError(f'--output {path}: the suffix must be .pdf or .geojson; rename it, or give --format')
     if suffix in _KINDS and suffix != kind:
         raise InputError(f'--format: {kind} conflicts with --output {path}; give only one of them')
-    command_line.check_taken(f'a plan in {kind}', {f'--{name}': getattr(arguments, name) is not None
-                                                   for name in ('scale', 'paper', 'title')}, _KINDS[kind])
+    command_line.check_taken(f'a plan in {kind}', {
+        '--scale': arguments.plan_scale is not None, '--paper': arguments.paper is not None,
+        '--title': arguments.title is not None}, _KINDS[kind])
     scene = command_line.scene_from(arguments)
     lang = language_of(arguments.lang)
     plan = Plan(scene, figures.drawable(arguments.title or Path(arguments.scene).stem), lang)
@@ -66,8 +73,7 @@ def run(arguments: Namespace) -> int:
         command_line.write_output(path, geojson(plan))
         lines = [f'{path}: {plan.say("metres" if plan.origin is None else "degrees")}']
     else:
-        with figures.style(chinese=lang == 'zh'):
-            _write_pages(path, *_pages(plan, *_sheet(arguments, plan)))
+        write_pdf(arguments, plan, path)
         lines = [str(path)]
     command_line.write_output(None, '\n'.join([*lines, *map(plan.exact_gap, plan.gaps)]))
     return command_line.OK
@@ -224,8 +230,8 @@ def _sheet(arguments: Namespace, plan: Plan) -> tuple[str, int, Floats]:
     low = np.array((min(left, x.min()), min(bottom, y.min()))) - _AROUND_M
     high = np.array((max(right, x.max()), max(top, y.max()))) + _AROUND_M
     papers = [arguments.paper] if arguments.paper else list(PAPERS_MM)
-    if arguments.scale is not None:
-        scale = _scale(arguments.scale)
+    if arguments.plan_scale is not None:
+        scale = _scale(arguments.plan_scale)
         fitting = (paper for paper in papers if _fits(high - low, paper, scale))
         return next(fitting, papers[-1]), scale, np.array((low, high))
     pairs = [(paper, scale) for scale in SCALES for paper in papers if _fits(high - low, paper, scale)]

@@ -2,6 +2,14 @@
 from dragon_ros.cli.language import Words
 
 WORDS: Words = {
+    'fits': ('It fits; closest: {name}, {gap:.2f} m, {t:.0f} s after the start',
+             '可以通过；最近的是{name}，{gap:.2f} m，出发后 {t:.0f} s'),
+    'fits_not': ('It does not fit; too close: {name}, {gap:.2f} m (required: {margin:g} m), {t:.0f} s after the start',
+                 '不能通过；{name}过近，{gap:.2f} m（要求 {margin:g} m），出发后 {t:.0f} s'),
+    'touches': ('It does not fit; it touches {name}, {t:.0f} s after the start',
+                '不能通过；出发后 {t:.0f} s 碰到{name}'),
+    'no_obstacles': ('It can walk the way; no obstacles are near it, so no gaps were computed',
+                     '可以走完全程；附近没有障碍物，未计算间隙'),
     'plan': ('{title}: plan 1:{scale}', '{title}：平面图 1:{scale}'),
     'tables': ('{title}: times, gaps and room', '{title}：时刻、间隙与所需宽度'),
     'page': ('dragon_ros {version}, {day}, {paper}, page {n} of {total}',

@@ -76,7 +76,7 @@ def test_a_scene_without_a_venue_has_a_plan_without_gaps(capsys, tmp_path):
 
 def test_a_dragon_that_stands_still_has_a_plan_of_its_benches():
     plan = Plan(load_scene('winding', ['dragon.benches=40', 'run.stop_s=0']), 'x')
-    total, pages = _pages(plan, *_sheet(Namespace(paper=None, scale=None), plan))
+    total, pages = _pages(plan, *_sheet(Namespace(paper=None, plan_scale=None), plan))
     drawn = [page.draw_without_rendering() for page in pages]
     assert (len(drawn), total) == (2, 2)
     assert json.loads(geojson(plan))['features'][0]['geometry']['coordinates']
@@ -155,7 +155,7 @@ def test_a_broken_margin_is_said(capsys, tmp_path):
 
 def drawn_parts(plan, **options):
     """Return the scale, and the shares of each page's width and height that the drawing takes."""
-    paper, scale, around = _sheet(Namespace(**{'paper': None, 'scale': None, **options}), plan)
+    paper, scale, around = _sheet(Namespace(**{'paper': None, 'plan_scale': None, **options}), plan)
     whole = plan.swept.whole.union(LineString(plan.line))
     parts = []
     for _, window in _windows(plan, paper, scale, around):
@@ -171,11 +171,11 @@ def test_pages_are_filled_as_far_as_a_standard_scale_allows():
     assert np.all(parts[:, 0] > 0.75)
     assert np.all(parts[:, 1] < 1)
     for scale in SCALES[:SCALES.index(300)]:
-        assert len(drawn_parts(plan, scale=f'1:{scale}')[1]) > 2
+        assert len(drawn_parts(plan, plan_scale=f'1:{scale}')[1]) > 2
 
 
 def test_pages_without_any_part_of_the_dragon_are_left_out_and_pages_say_where_they_belong(plan):
-    paper, scale, around = _sheet(Namespace(paper='A4', scale='1:100'), plan)
+    paper, scale, around = _sheet(Namespace(paper='A4', plan_scale='1:100'), plan)
     windows = _windows(plan, paper, scale, around)
     whole = plan.swept.whole.union(LineString(plan.line))
     assert all(whole.intersects(box(*window.ravel())) for _, window in windows)
@@ -222,3 +222,22 @@ def test_the_distances_of_marks_that_come_together_do_not_stand_on_each_other():
     assert found[0] == pytest.approx((0.0, 9.0))
     assert np.abs(spots[1] - spots[2]).max() > 8
     assert all(np.abs(spot - place).max() > 4 for spot in spots for place in places)
+
+
+def test_a_drawing_and_a_town_give_an_answer_a_plan_a_page_and_a_scene(capsys, tmp_path):
+    pytest.importorskip('pyproj')
+    way, town = tmp_path / 'way.gpx', tmp_path / 'town.geojson'
+    way.write_text('<gpx><rte><rtept lat="30.25" lon="120.15"/><rtept lat="30.25" lon="120.151"/></rte></gpx>')
+    corners = [[120.1506, 30.25 + north] for north in (1.8e-5, 5e-5)] + [[120.1507, 30.25005], [120.1506, 30.250018]]
+    town.write_text(json.dumps({'type': 'Feature', 'properties': {'name': 'kiosk'}, 'geometry': {
+        'type': 'Polygon', 'coordinates': [corners]}}))
+    options = way, '--obstacles', town, '--benches', 5, '--bench-length', 2.1, '--lang', 'en'
+    code, out, err = run(capsys, *options)
+    assert code == 0, err
+    assert re.search(r'^It fits; closest: kiosk, 1\.8\d m, \d+ s after the start$', out, re.MULTILINE)
+    assert {one.name for one in tmp_path.iterdir()} == {'way.gpx', 'town.geojson', 'way.pdf', 'way.html', 'way.yaml'}
+    assert load_scene(str(tmp_path / 'way.yaml')).dragon.benches == 5
+    code, out, _ = run(capsys, *options, '--set', 'venue.margin_m=3')
+    assert (code, 'It does not fit; too close: kiosk, 1.8' in out) == (1, True)
+    code, out, _ = run(capsys)
+    assert (code, len(out.splitlines())) == (0, 3)
