@@ -5,7 +5,8 @@ from xml.etree import ElementTree
 from setuptools import find_packages, setup
 
 NAME = 'dragon_ros'
-MANIFEST = ElementTree.parse('package.xml').getroot()       # which has the address of the maintainer and the repository
+HERE = Path(__file__).resolve().parent      # colcon --symlink-install runs a link to this file
+MANIFEST = ElementTree.parse(HERE / 'package.xml').getroot()        # which has the addresses
 
 
 def files(folder: str, pattern: str = '*') -> list[str]:
@@ -30,7 +31,7 @@ setup(
     name=NAME,
     version='0.4.0',
     description='Bench dragon simulator for ROS 2',
-    long_description=Path('README.md').read_text(encoding='utf-8'),
+    long_description=(HERE / 'README.md').read_text(encoding='utf-8'),
     long_description_content_type='text/markdown',
     classifiers=['Development Status :: 4 - Beta', 'Intended Audience :: Education',
                  'Intended Audience :: Science/Research', 'License :: OSI Approved :: Apache Software License',

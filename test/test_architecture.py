@@ -465,3 +465,10 @@ def test_one_file_alone_uses_private_names_of_other_packages():
         path.read_text(), own) for path in paths}
     assert {path: names for path in found if (names := found[path] - STILL_PRIVATE.get(path, set()))} == {}
     assert 'rclpy_implementation' in INTERNALS.read_text()
+
+
+def test_setup_runs_through_a_link_in_another_folder_as_with_colcon_symlink_install(tmp_path):
+    (tmp_path / 'setup.py').symlink_to(ROOT / 'setup.py')
+    done = subprocess.run([sys.executable, 'setup.py', '--version', '--url'], cwd=tmp_path, capture_output=True,
+                          text=True, check=True)
+    assert done.stdout.split()[-2:] == [dragon_ros.__version__, ElementTree.parse(ROOT / 'package.xml').findtext('url')]
