@@ -17,6 +17,7 @@ from dragon_ros.core.errors import InputError
 
 if TYPE_CHECKING:       # --verify must not import the solver
     from dragon_ros.bags.read.frames import Walk
+    from dragon_ros.core.scene import Scene
     from dragon_ros.core.search.certificate import Contact, NoContact
 
 _COLUMNS = ('t_s', 'inner', 'outer', 'x_m', 'y_m', 'end', 't_end_s', 'obstacle')
@@ -76,17 +77,17 @@ def _run(arguments: Namespace) -> int:
     if arguments.verify is not None:
         return _verify(arguments.verify, arguments.effort, arguments.output)
     command_line.check_keeps('--certificate', arguments.certificate, arguments.bag, arguments.scene)
-    walk, touch = _walk_of(arguments), _obstacle_touch(arguments)
-    scene = walk.scene
+    scene, walk = _scene_of(arguments)
+    touch = _obstacle_touch(arguments)
     from dragon_ros.core.search.first_contact import first_contact
     start = time.perf_counter()
     with Progress('contact', 'states') as bar:
         found = first_contact(scene, bar.update)
     values = values_of(found)
-    lacks = values['t_s'] is None and bool(walk.lack)
-    if lacks:
+    lack = walk.lack if walk and values['t_s'] is None else ''
+    if walk and lack:
         values |= {'certified': False, 'examined_s': walk.examined_s, 'recorded_s': walk.recorded_s,
-                   'unsearched': walk.lack}
+                   'unsearched': lack}
     if touch is not None:
         values['recorded_obstacles'] = touch
     values['stats'] = {'elapsed_s': time.perf_counter() - start, 'states': found.states}
@@ -97,26 +98,26 @@ def _run(arguments: Namespace) -> int:
         values['near_misses'] = [{'bench': miss.bench, 'benches': list(miss.benches), 'obstacle': miss.obstacle,
                                   't_s': miss.t_s, 'gap_m': miss.gap_m} for miss in near.nearest]
         values |= {'near_misses_count': near.count, 'near_misses_are': 'sampled and refined'}
-    if arguments.certificate and lacks:
-        command_line.note(f'contact: no certificate is written: {walk.lack}')
+    if arguments.certificate and lack:
+        command_line.note(f'contact: no certificate is written: {lack}')
     elif arguments.certificate:
         from dragon_ros.scenes import certificate
         command_line.write_output(arguments.certificate, json.dumps(certificate.as_values(scene, found)),
                                   '--certificate')
     command_line.write_output(arguments.output, _FORMATS[arguments.format](values))
-    return command_line.INCOMPLETE if lacks else command_line.OK
+    return command_line.INCOMPLETE if lack else command_line.OK
 
 
-def _walk_of(arguments: Namespace) -> 'Walk':
-    """Return the scene to search, from the options or from a bag."""
-    from dragon_ros.bags.read.frames import Walk, namespace_of, scene_of_bag, walk_in
+def _scene_of(arguments: Namespace) -> 'tuple[Scene, Walk | None]':
+    """Return the scene to search, from the options or from a bag, and the walk in the bag."""
     if not arguments.bag:
         if arguments.namespace is not None or arguments.trust:
             option = '--trust' if arguments.trust else '--namespace'
             raise InputError(f'{option}: it requires a BAG; omit {option} for a scene')
-        return Walk(command_line.scene_from(arguments))
+        return command_line.scene_from(arguments), None
     if command_line.gives_scene(arguments):
         raise InputError('BAG: a bag contains its own scene; omit --scene, --set and --accuracy')
+    from dragon_ros.bags.read.frames import namespace_of, scene_of_bag, walk_in
     from dragon_ros.bags.read.reader import BagReader
     command_line.check_is_bag(arguments.bag)
     with BagReader(arguments.bag) as bag:
@@ -125,7 +126,8 @@ def _walk_of(arguments: Namespace) -> 'Walk':
         if scene is None:
             raise InputError(f'{arguments.bag}: it does not contain its scene; record it with dragon_ros, or give '
                              '--scene')
-        return walk_in(bag, scene, namespace)
+        walk = walk_in(bag, scene, namespace)
+        return walk.scene, walk
 
 
 def _obstacle_touch(arguments: Namespace) -> dict[str, Any] | None:

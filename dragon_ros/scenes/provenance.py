@@ -5,7 +5,6 @@ import platform
 from collections.abc import Mapping
 from contextlib import suppress
 from functools import lru_cache
-from importlib import metadata
 from importlib.util import find_spec
 from math import inf
 from pathlib import Path
@@ -42,6 +41,7 @@ def versions() -> dict[str, str]:
 
 def ros_distro() -> str:
     """Return the ROS distribution that runs, by the version of its rclpy, or otherwise by ROS_DISTRO."""
+    from importlib import metadata  # imported lazily: only a recorded run needs it
     with suppress(metadata.PackageNotFoundError):
         major = metadata.version('rclpy').partition('.')[0]
         if major in _DISTRIBUTIONS:

@@ -346,13 +346,6 @@ def test_design_gives_the_length_of_the_turn_and_the_largest_speed(capsys):
     assert values['speed_m_s'] == pytest.approx(1.2462663582, abs=1e-10)
 
 
-def test_a_turn_of_links_of_no_length_has_no_limit_of_its_ratio(capsys):
-    groups = 'dragon={kind: mixed, groups: [{count: 3, length_m: 0.55}]}'
-    code, out, err = run(capsys, 'design', 'turn', '--set', groups)
-    assert (code, err) == (0, '')
-    assert 'the ratio is not limited' in out
-    assert json.loads(run(capsys, 'design', 'turn', '--set', groups, '--format', 'json')[1])['largest_ratio'] is None
-
 
 @pytest.mark.parametrize(('arguments', 'says'), [
     (['turn', '--scene', 'winding'], 'track has no S-turn'), (['max-speed', '--scene', 'winding'], 'run.stop_s'),

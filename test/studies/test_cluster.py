@@ -169,10 +169,10 @@ def test_a_row_that_kills_its_local_workers_is_a_row_that_says_so(tmp_path):
 
 
 def test_local_workers_do_not_listen(cluster, study, tmp_path):
-    listening = []
+    listening, others = [], set(psutil.Process().children(recursive=True))      # a cluster of other tests listens
 
     def look(progress):
-        for process in psutil.Process().children(recursive=True):
+        for process in set(psutil.Process().children(recursive=True)) - others:
             with suppress(psutil.NoSuchProcess):
                 listening.extend(one for one in process.net_connections() if one.status == psutil.CONN_LISTEN)
     before = [one for one in psutil.Process().net_connections() if one.status == psutil.CONN_LISTEN]
