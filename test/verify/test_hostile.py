@@ -105,7 +105,7 @@ def hostile(**sections):
     (hostile(dragon={'kind': 'mixed', 'width_m': 0.01, 'hole_inset_m': 0.0, 'groups': [
         {'length_m': 1.0, 'count': 1}] * 20_001}), 'list of 1 to 20000'),
     (hostile(track={'pitch_m': 0.01}), 'the chain locks'),
-    (hostile(head={'speed_m_s': -100.0}, run={'stop_s': 1e6}), 'within the budget of 500 steps'),
+    (hostile(head={'speed_m_s': -100.0}, run={'stop_s': 1e6}), 'within the budget of 1500 steps'),
     (hostile(head={'kind': 'profile', 'ramps': 'smooth', 'lead': 'head', 'knots': [[0.0, 1.0]] * 20_000}),
      'list of 1 to 10000'),
     (hostile(head={'kind': 'profile', 'ramps': 'linear', 'lead': 'head', 'knots': [[0.0]]}), 'list of 2'),
