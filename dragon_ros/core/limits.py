@@ -41,7 +41,7 @@ PICTURE_TICKS = 2_000_000
 LED_TICKS = 2_000_000
 
 # Messages and nodes
-COORDINATE_M = 1e6      # beyond the world, so that bags of earlier versions are read
+COORDINATE_M = 1e7      # beyond the world: northings of maps on a Path, and bags of earlier versions
 MARKER_RUNS = 10_000
 MONITOR_BYTES = 256 * MB
 INBOX_BYTES = 128 * MB

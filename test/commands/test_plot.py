@@ -196,8 +196,9 @@ def test_a_bag_whose_benches_are_of_other_ticks_has_no_picture(capsys, tmp_path)
     (['animation', '--output', 'x.avi'], '.gif, .html, .mp4'),
     (['animation', '--pace', '0'], '--pace'),
     (['animation', '--around', 'contact', '--follow'], 'nothing moves'),
-    (['animation', '--size', '1080p', '--output', 'x.mp4'], '1920x1080'),
-    (['animation', '--size', '1919x1080', '--output', 'x.mp4'], 'even'),
+    *(pytest.param(['animation', '--size', size, '--output', 'x.mp4'], says, marks=pytest.mark.skipif(
+        not which('ffmpeg'), reason='ffmpeg is not installed')) for size, says in (
+            ('1080p', '1920x1080'), ('1919x1080', 'even'))),
     (['dragon', '--around', 'neck'], 'head, tail, contact'),
     (['dragon', '--around', '1,2,3'], 'X,Y'),
     (['dragon', '--span', '0'], '--span'),

@@ -235,7 +235,7 @@ def test_a_request_has_a_deadline_however_steadily_its_bytes_come(scene, monkeyp
 
 
 @pytest.mark.parametrize('topic', ['handles', 'benches', 'velocities'])
-@pytest.mark.parametrize('by_m', thinned([9e29, 1e31, 1e39, 1e149, 1e308], {9e29, 1e31, 1e308}.__contains__))
+@pytest.mark.parametrize('by_m', thinned([9e6, 1e8, 1e39, 1e149, 1e308], {9e6, 1e8, 1e308}.__contains__))
 def test_a_bag_with_huge_numbers_is_shown_or_refused_in_words(tmp_path, topic, by_m):
     scene = load_scene('first_contact', ['dragon.benches=3', 'run.stop_s=400.1'])
     encode = encoders(scene)
@@ -250,8 +250,8 @@ def test_a_bag_with_huge_numbers_is_shown_or_refused_in_words(tmp_path, topic, b
                              read_marker_array(data).geometry[0], 'velocities': lambda data: read_multi_array(data)[1]}
                     views[name](data)[:, :2] += by_m
                 bag.write(f'/dragon/{name}', bytes(data), scene.run.time_ns(k), k + 1)
-    with BagReader(tmp_path / 'a.mcap') as reader, contextlib.nullcontext() if by_m < 1e30 else pytest.raises(
-            InputError, match=f'/dragon.* at .*{topic}: .*1e\\+30'):
+    with BagReader(tmp_path / 'a.mcap') as reader, contextlib.nullcontext() if by_m < 1e7 else pytest.raises(
+            InputError, match=f'/dragon.* at .*{topic}: .*1e\\+07'):
         data = ViewData(dragon_in(reader), iter)
         json.dumps((data.run(), data.clearance(), data.contact()), allow_nan=False)
         assert data.frames(0)

@@ -18,7 +18,7 @@ from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
 from dragon_ros.core.tracks.spiral import SpiralCurve
 
-LINKS = np.array([2.86, *(1.65,) * 12, 0.0, *(1.65,) * 8])
+LINKS = np.array([2.86, *(1.65,) * 12, 0.05, *(1.65,) * 8])
 BENDY = track_of(Composite((Line(50.0), Arc(2.0, 170.0), Line(1.0), Arc(1.5, -100.0), Line(60.0)), start_m=50.0))
 TRACKS = [(track_of(STurn()), -3.0, BEHIND), (track_of(STurn(ratio=0.6)), 0.0, BEHIND), (BENDY, 50.0, BEHIND),
           (track_of(STurn()), 40.0, AHEAD), (BENDY, 100.0, AHEAD)]
@@ -55,7 +55,7 @@ def test_no_handle_is_faster_between_two_states_than_its_bound(track, start_m, w
 
 
 NEAR_A_LOCK = [np.array([2.86, *(1.65,) * 8]), np.array([1.2, *(3.4,) * 5]), np.array([0.55, 0.55, 3.35, *(1.05,) * 6]),
-               np.array([0.6, 0.0, 3.0, 0.2, 4.2, 1.0])]
+               np.array([0.6, 0.05, 3.0, 0.2, 4.2, 1.0])]
 
 
 @pytest.mark.parametrize('links', NEAR_A_LOCK, ids=range(len(NEAR_A_LOCK)))
