@@ -1,6 +1,7 @@
 """A bag documents its run: its scene file reproduces the scene and names the software that wrote the bag."""
 import os
 import subprocess
+from importlib import metadata
 
 import numpy as np
 import pytest
@@ -91,9 +92,9 @@ def test_the_ros_distribution_is_the_one_that_runs(monkeypatch, version, named, 
     def found(name):
         assert name == 'rclpy'
         if version is None:
-            raise provenance.metadata.PackageNotFoundError(name)
+            raise metadata.PackageNotFoundError(name)
         return version
-    monkeypatch.setattr(provenance.metadata, 'version', found)
+    monkeypatch.setattr(metadata, 'version', found)
     monkeypatch.delenv('ROS_DISTRO', raising=False)
     if named:
         monkeypatch.setenv('ROS_DISTRO', named)
