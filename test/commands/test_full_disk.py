@@ -20,7 +20,7 @@ SHORT = '--scene winding --set dragon.benches=3 --set run.stop_s=1'
     (f'table {SHORT} --times 0:1:0.001 --output OUT.xlsx',
      'table: xlsx: the temporary file of the sheet cannot be written: File too large; free some space, or set TMPDIR'),
     (f'plot clearance {SHORT} --output OUT.svg', 'plot: OUT.svg: cannot be written: File too large'),
-    (f'plot animation {SHORT} --pace 1 --dpi 40 --output OUT.gif',
+    (f'plot animation {SHORT} --workers 1 --pace 1 --dpi 40 --output OUT.gif',
      'plot: --output OUT.gif: cannot be written: File too large'),
     *((f'export {BAG} --force --output OUT.{suffix}', f'export: --output OUT.{suffix}: it cannot be written: '
        'File too large') for suffix in ('csv', 'npz')),
