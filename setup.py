@@ -34,7 +34,7 @@ setup(
     long_description=(HERE / 'README.md').read_text(encoding='utf-8'),
     long_description_content_type='text/markdown',
     classifiers=['Development Status :: 4 - Beta', 'Intended Audience :: Education',
-                 'Intended Audience :: Science/Research', 'License :: OSI Approved :: Apache Software License',
+                 'Intended Audience :: Science/Research',
                  'Operating System :: POSIX :: Linux', 'Programming Language :: Python :: 3',
                  'Topic :: Scientific/Engineering'],
     url=MANIFEST.findtext('url'),
