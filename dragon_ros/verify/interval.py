@@ -112,7 +112,7 @@ class Interval:
         """Return whether the track bends so little that the links between two benches lead away from the leading bench.
 
         The directions of two links differ by at most the total angle that the links in between span on the tightest
-        bend (docs/contact.md).
+        bend (docs/contact-lemmas.md).
         """
         turned = self._turned(n)
         if not turned < 1:

@@ -2,7 +2,7 @@
 
 A prime is a derivative with respect to the coordinate u of the leading handle on its segment. For each handle there
 are bounds on its coordinate and on the first two derivatives p and a over the whole interval, and for each link
-bounds on its turning rate w and on w'. docs/contact.md derives the formulas:
+bounds on its turning rate w and on w'. docs/contact-lemmas.md derives the formulas:
 
 - on one line or arc, all handles move at the same rate, and all links turn at the same rate;
 - on one spiral the handle at theta + delta follows the handle at theta with p (1 + d1), a (1 + d1) + p^2 d2;

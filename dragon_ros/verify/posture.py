@@ -52,7 +52,7 @@ class Bench:
         """The largest error of a corner, relative to the position error of a solver's handles.
 
         If s is the ratio of length to link, it is max(s, 2 / sqrt(4 - s^2)) plus the width divided by the link
-        (docs/contact.md, what is computed).
+        (docs/contact.md, what the floats are worth).
         """
         length, width = 2 * self.sizes[0], 2 * self.sizes[1]
         ratio = length / self.link.near

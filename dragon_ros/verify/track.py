@@ -46,7 +46,7 @@ class Place(NamedTuple):
 
     In this case it is unknown on which side of the joint the position is, and the coordinate is on the continuation
     of the segment's curve. At a distance d beyond the joint, the track deviates from that curve by at most K d^2, and
-    its direction by 2 K d (docs/contact.md).
+    its direction by 2 K d (docs/contact-lemmas.md).
     """
 
     segment: int

@@ -127,7 +127,7 @@ def turning_places(chords: Sequence[float], low: float, high: float) -> list[flo
 
     Between consecutive angles, every handle moves in one direction. The links are examined in order from the head until
     no later link can turn back. If all links behind the head's link are equal, the links behind the third handle merely
-    follow it (docs/contact.md, lemma 2), so two links suffice.
+    follow it (docs/contact-lemmas.md, lemma 2), so two links suffice.
     """
     longest = [*accumulate(reversed(chords), max)][::-1]
     places, here, found = [low, high], [low, high], list[float]()

@@ -7,7 +7,7 @@ their layers. Benches of the same layer are apart because a link lies between th
 
 The bound depends only on the smallest distance of the bench's front handle from the centre, and it increases with this
 distance. A single evaluation therefore clears everything further out, and no handles need to be placed
-(docs/contact.md, lemma 11).
+(docs/contact-lemmas.md, lemma 8).
 
 The bound is rounded down: ``ABOVE`` covers the rounding errors of its formulas.
 """

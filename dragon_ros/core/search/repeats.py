@@ -1,4 +1,4 @@
-"""Pairs of benches that stand exactly as another pair stood earlier in the same search (docs/contact.md, lemma 12).
+"""Pairs of benches that stand as another pair stood earlier in the same search (docs/contact-lemmas.md, lemma 9).
 
 The benches behind a bench depend only on the place of its front handle and on the lengths of their links (ahead of a
 leading tail: on the place of its rear handle). Consider benches i and j, and the benches i - n and j - n, whose links

@@ -122,7 +122,7 @@ def test_nothing_is_proved_where_layers_overlap_or_no_link_separates_benches(dra
 
 
 def in_arb(dragon, pitch_m, radius_m, bench):
-    """Evaluate lemma 11 of docs/contact.md in balls, for exact inputs."""
+    """Evaluate lemma 8 of docs/contact-lemmas.md in balls, for exact inputs."""
     b = arb(pitch_m / (2 * np.pi))
     pitch, links = 2 * arb.pi() * b, dragon.link_lengths_m
     own, between, longest = arb(links[bench]), arb(links[bench + 1]), arb(np.max(links[bench + 2:]))
