@@ -230,12 +230,17 @@ def _label_columns(rows: list[list[Cell]], top: int) -> int:
 
 
 def _is_progression(numbers: list[float]) -> bool:
-    """Return whether numbers are evenly spaced or increasing integers, like times and handles (perhaps in pairs)."""
+    """Return whether numbers are like times and handles (perhaps in pairs): evenly spaced, or increasing integers.
+
+    The integers may also be the seconds of a spreadsheet's times of day.
+    """
     values = np.array(numbers)
     steps = np.diff(values[::2] if values.size > _FEW and values[0] == values[1] else values)
     if values.size < _FEW or np.any(steps <= 0):
         return False
-    return bool(np.all(np.abs(steps - steps[0]) < 1e-6 * steps[0]) or np.all(values == np.round(values)))
+    seconds = values * _DAY_S
+    return bool(np.all(np.abs(steps - steps[0]) < 1e-6 * steps[0]) or np.all(values == np.round(values))
+                or np.all(np.abs(seconds - np.round(seconds)) < _SHORT_STEP))
 
 
 def _check_merged(sheet: WorkbookSheet, top: int, left: int,

@@ -52,8 +52,8 @@ def test_table_csv_and_picture_have_the_run(tmp_path):
 @pytest.mark.long
 def test_a_short_run_is_recorded_to_the_last_message():
     pytest.importorskip('rclpy')
-    row = memory.measure(3.0)
-    assert (row.ticks, row.missing) == (300, 0)
+    row = memory.measure(5.0)       # the shortest run at a speed of the world
+    assert (row.ticks, row.missing) == (500, 0)
     assert row.chunks > 3
     assert 52 * row.chunks < row.index_bytes < 92 * row.chunks      # one to five topics
     assert all(resident > 10 for _, resident in row.samples)

@@ -272,7 +272,7 @@ SHOWN = {
     'turning': lambda: load_scene('turning', ['dragon.benches=40', 'run.start_s=100', 'run.rate_hz=0.5']),
     'a street far from the origin': lambda: composite(STREET, stop_s=200),
     'a dance that is centred elsewhere': lambda: composite(
-        Line(30.0, (10_000.0, -7000.0), 90.0), Arc(9.0, 200.0), Arc(9.0, -300.0), stop_s=60),
+        Line(30.0, (6000.0, -5000.0), 90.0), Arc(9.0, 200.0), Arc(9.0, -300.0), stop_s=60),
     'a_name_so_long_that_no_title_has_room_for_it_and_so_it_is_shortened': lambda: load_scene(
         'mixed', ['run.start_s=392', 'run.stop_s=396', 'run.rate_hz=5']),
 }

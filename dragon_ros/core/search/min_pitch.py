@@ -16,6 +16,7 @@ import numpy as np
 from dragon_ros.core.chain.dragon import AnyDragon, Dragon
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.checks import number
+from dragon_ros.core.domain import PITCH
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import illinois
@@ -61,17 +62,18 @@ def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_tu
     """Return the smallest pitch above which, up to ``largest_m``, no sampled run to the circle has a contact.
 
     The head starts ``start_turns`` turns from the centre of the spiral, which is also the centre of the circle of
-    diameter ``diameter_m``. ``low_m`` and ``high_m`` differ by at most ``within_m`` and a few errors of a gap. The
-    search ends at ``smallest_m``, by default where the head starts on the circle. ``progress(states)`` is called with
-    the number of states computed since the last call. Raises FieldError if no pitch has a contact, if benches touch at
-    ``largest_m``, or if a link is too long for the circle.
+    diameter ``diameter_m``. ``low_m`` and ``high_m`` differ by at most ``within_m``, and more if the gap grows so
+    slowly with the pitch that its error exceeds its growth over this width. The search ends at ``smallest_m``, by
+    default where the head starts on the circle. ``progress(states)`` is called with the number of states computed since
+    the last call. Raises FieldError if no pitch has a contact, if benches touch at ``largest_m``, or if a link is too
+    long for the circle.
     """
     runs = _Runs(dragon or Dragon(), diameter_m, start_turns, progress)
     number('within_m', within_m, low=2e-11, high=1.0)
     if smallest_m is not None:
-        number('smallest_m', smallest_m, above=0.0)
+        PITCH.checked('smallest_m', smallest_m)
         runs.check(smallest_m)
-    number('largest_m', largest_m, above=smallest_m or runs.least_m, high=1e6)
+    number('largest_m', largest_m, above=smallest_m or runs.least_m, high=PITCH.high)
     low_m, clear_m = _stepped(runs, smallest_m, largest_m)
     low_m, high_m = _bisected(runs, low_m, clear_m[-1], max(within_m, _COARSE_M))
     low_m, touch = _overlapping(runs, low_m, within_m)

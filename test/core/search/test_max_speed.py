@@ -44,7 +44,7 @@ def test_no_look_at_any_time_finds_a_faster_handle_than_the_bound(track):
     times = np.random.default_rng(1).uniform(0, 55, 400).tolist()
     v = velocity_of(scene, states(scene, times), times)
     assert np.max(np.hypot(v[..., 0], v[..., 1])) <= found.bound * (1 + 1e-12)
-    assert found.bound / found.ratio - 1 < 1e-11
+    assert found.bound / found.ratio - 1 < 4 * compile_scene(scene).promise_m
 
 
 def test_on_a_spiral_no_handle_is_faster_than_the_one_before_it():

@@ -108,7 +108,9 @@ def test_states_of_a_hard_case_are_its_single_ones_to_half_the_promise(name):
     for n, t_s in enumerate(times):
         one = state(scene, t_s)
         np.testing.assert_allclose(many.p[n], one.p, rtol=0, atol=0.5 * promise_m)
-        np.testing.assert_allclose(speed[n], velocity_of(scene, one, t_s), rtol=0, atol=0.5 * promise_m)
+        v = velocity_of(scene, one, t_s)
+        fast = max(1.0, float(np.max(np.hypot(*v.T)))) ** 2      # near a lock, small shifts change velocities much
+        np.testing.assert_allclose(speed[n], v, rtol=0, atol=0.5 * promise_m * fast)
 
 
 @pytest.mark.parametrize('scene', [TURNING, UNWINDING])
