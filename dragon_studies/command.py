@@ -116,7 +116,7 @@ def _computed(arguments: Namespace, data: 'DataSet') -> int:
 
 
 def _show(shown: Progress, there: int, state: 'StudyProgress') -> None:
-    shown.note(f'{state.refused} refused, {state.workers} workers')
+    shown.note(f'{state.refused} refused, {counted(state.workers, "worker")}')
     shown.reach(state.done - there)
 
 

@@ -239,7 +239,7 @@ def _check_same(folder: Path, study: Study) -> None:
         raise InputError(f'{folder}: it contains rows of another study, which differs in {key}; give another --output, '
                          'or remove the folder', field=key)
     if before.rows > study.rows:
-        raise InputError(f'{folder}: it contains a study with {before.samples} samples, but this one has '
+        raise InputError(f'{folder}: it contains a study with {counted(before.samples, "sample")}, but this one has '
                          f'{study.samples}; give at least as many', field='samples')
     made_by = document.section('about').get('dragon_ros')
     if made_by != versions()['dragon_ros']:

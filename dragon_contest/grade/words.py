@@ -101,7 +101,7 @@ WORDS: Words = {
                         '把切线的角度当成斜率，且认为两半径之和为 4.5 m'),
     'speed_looked': ('speeds are checked every {step:g} s', '每隔 {step:g} s 检查一次速度'),
     # Units, order, axes
-    'rounded': ('rounded to {digits} decimals, not six', '保留 {digits} 位小数，而不是 6 位'),
+    'rounded': ('rounded to {digits} of six decimals', '保留 {digits} 位小数，而不是 6 位'),
     'right_to': ('right to {digits} decimals; the contest asks for 6', '{digits} 位小数都正确；竞赛要求 6 位'),
     'lacks_handles': ('without handles {handles}', '缺少把手 {handles}'),
     'lacks_times': ('without the times {times} s', '缺少时刻 {times} s'),
@@ -183,7 +183,7 @@ WORDS: Words = {
     'transposed': ('sheet {sheet} is transposed: times are in rows', '工作表 {sheet} 行列互换：时间在行上'),
     'without_labels': ("sheet {sheet} names no handles; its rows are read in the contest's order",
                        '工作表 {sheet} 没有把手名称，按竞赛模板的顺序读取'),
-    'without_times': ('sheet {sheet} names no times; its {count} columns are read as {first:g} s to {last:g} s',
+    'without_times': ('sheet {sheet} names no times; its columns ({count}) are read as {first:g} s to {last:g} s',
                       '工作表 {sheet} 没有时间，{count} 列按 {first:g} s 至 {last:g} s 读取'),
     'from_one': ('sheet {sheet} counts the handles from 1; 1 is read as the front handle of the head',
                  '工作表 {sheet} 的把手从 1 开始编号，1 视为龙头前把手'),
@@ -191,7 +191,7 @@ WORDS: Words = {
                      'order, and the last is ignored',
                      '工作表 {sheet} 多一行：{count} 个把手，应为 224 个；按顺序读取，忽略最后一个'),
     'times_ignored': ('{count} of {whole} times are compared', '{whole} 个时刻中比较了 {count} 个'),
-    'not_understood': ('sheet {sheet} is not understood: it has {rows} rows and {columns} columns of numbers, under '
+    'not_understood': ('sheet {sheet} is not understood: it has numbers in {rows} x {columns} cells, under '
                        'labels such as {label}; expected are 448 rows for x and y of each handle (224 for speeds) and '
                        'a column for each time, with labels such as 龙头x (m) and 0 s',
                        '工作表 {sheet} 无法理解：有 {rows} 行 {columns} 列数字，标签如 {label}；'

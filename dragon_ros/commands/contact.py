@@ -14,6 +14,7 @@ from dragon_ros.cli import command_line
 from dragon_ros.cli.progress import Progress
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.words import counted
 
 if TYPE_CHECKING:       # --verify must not import the solver
     from dragon_ros.bags.read.frames import Walk
@@ -196,7 +197,7 @@ def values_of(found: 'Contact | NoContact') -> dict[str, Any]:
 
 
 def _text(values: dict[str, Any]) -> str:
-    stats = f'{values["stats"]["states"]} states in {values["stats"]["elapsed_s"]:.3f} s'
+    stats = f'{counted(values["stats"]["states"], "state")} in {values["stats"]["elapsed_s"]:.3f} s'
     stats += '' if values['certified'] else ', without a certificate'
     return f'{_found(values)} ({stats}){_misses(values)}'
 

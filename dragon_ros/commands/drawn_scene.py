@@ -11,6 +11,7 @@ from dragon_ros.cli import command_line
 from dragon_ros.core.checks import number, plane_pose
 from dragon_ros.core.errors import FieldError, InputError, MissingError, TrackEndError, shown
 from dragon_ros.core.venue import Origin
+from dragon_ros.core.words import counted
 from dragon_ros.scenes.drawings import DrawnLine, MapLine, chosen, csv_line, map_line, metres_a_unit, svg_line
 from dragon_ros.scenes.georeference import own_origin, read_origin
 from dragon_ros.scenes.load import load_drawn_scene, venue_file
@@ -172,7 +173,7 @@ def _moved(topic: str, message: 'PathMessage', arguments: Namespace) -> MapLine:
                          'frames coincide)',
                          field='frame_pose')
     if len(points) < 2:
-        raise InputError(f'{topic}: its path has {len(points)} points; a line needs at least 2')
+        raise InputError(f'{topic}: its path has {counted(len(points), "point")}; a line needs at least 2')
     return MapLine(Path(topic), topic, LineString(np.stack((points.real, points.imag), axis=1)), None)
 
 

@@ -225,8 +225,9 @@ def _scene_lines(scene: dict[str, Any] | None) -> list[str]:
     on = f'pitch {track["pitch_m"]:g} m' if 'pitch_m' in track else f'{counted(len(track["pieces"]), "piece")} of track'
     offset_s = run.get('stamp_offset_s', 0)
     later = f'; stamps are {offset_s!r} s later than the time of the simulation' if offset_s else ''
-    return [f'  scene: {benches}{" mixed" if "groups" in dragon else ""} benches, {on}, {run["rate_hz"]:g} Hz from '
-            f'{run["start_s"]:g} s, accuracy {scene["accuracy"]}, effects {", ".join(scene["effects"]) or "none"}'
+    of = counted(benches, 'mixed bench' if 'groups' in dragon else 'bench')
+    return [f'  scene: {of}, {on}, {run["rate_hz"]:g} Hz from {run["start_s"]:g} s, accuracy {scene["accuracy"]}, '
+            f'effects {", ".join(scene["effects"]) or "none"}'
             f'{later}']
 
 
@@ -290,7 +291,7 @@ def _integrity_lines(values: dict[str, Any]) -> list[str]:
 def _length_lines(topics: list[dict[str, Any]]) -> list[str]:
     """Return lines that state how many messages' lengths were compared with their types, and why others were not."""
     compared = sum(row['lengths_compared'] for row in topics)
-    return [f'  lengths: {compared} messages were compared with their types',
+    return [f'  lengths: {counted(compared, "message", "was")} compared with their types',
             *(f'  lengths not compared: {row["messages"] - row["lengths_compared"]} of {row["topic"]} '
               f'({row["lengths_not_compared_because"]})' for row in topics if row['lengths_not_compared_because'])]
 

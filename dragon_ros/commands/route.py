@@ -72,7 +72,7 @@ def _notes(laid: DrawnScene, most: int) -> list[str]:
              f'apart from the changes, the track deviates from the drawing by at most {1000 * route.strays_m:.2f} mm '
              f'(tolerance {1000 * laid.tolerance_m:g} mm)', _tightest(laid), *map(_changed, changes[:most])]
     if len(changes) > most:
-        notes.append(f'changed: {len(changes) - most} more corners and bends, by up to {changes[most].off_m:.3g} m')
+        notes.append(f'changed: {counted(len(changes) - most, "more place")}, by up to {changes[most].off_m:.3g} m')
     if route.lead_in_m:
         notes.append(f'changed: the drawing starts with a bend, so a line of {route.lead_in_m:g} m was added before '
                      'the bend')

@@ -9,6 +9,7 @@ from dragon_ros.core.errors import FieldError
 from dragon_ros.core.flags import known
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
+from dragon_ros.core.words import counted
 from dragon_ros.cost import accuracy, bags, contact
 from dragon_ros.cost.accuracy import Accuracy, Solver
 from dragon_ros.cost.bags import BagCost
@@ -87,8 +88,9 @@ def _seconds(timing: Timing | None) -> float | None:
 
 def text_of(costs: Costs) -> str:
     """Return the tables as text."""
-    head = (f'{costs.scene}: {costs.benches:,} benches, {costs.ticks:,} ticks from {costs.start_s:g} to '
-            f'{costs.stop_s:g} s at {costs.rate_hz:g} Hz\n{costs.machine}')
+    head = (f'{costs.scene}: {counted(costs.benches, "bench", form=",")}, '
+            f'{counted(costs.ticks, "tick", form=",")} from {costs.start_s:g} to {costs.stop_s:g} s '
+            f'at {costs.rate_hz:g} Hz\n{costs.machine}')
     return '\n\n'.join([head, _accuracy_text(costs.accuracy), _effects_text(costs), _contact_text(costs.contact),
                         _bags_text(costs.bags)])
 
@@ -111,7 +113,7 @@ def _effects_text(costs: Costs) -> str:
 
 
 def _contact_text(found: SearchCost) -> str:
-    return f'First contact: {found.found} ({found.states:,} states in {found.elapsed_s:.3g} s)'
+    return f'First contact: {found.found} ({counted(found.states, "state", form=",")} in {found.elapsed_s:.3g} s)'
 
 
 def _bags_text(found: Sequence[BagCost]) -> str:

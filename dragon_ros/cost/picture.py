@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from dragon_ros.cli.figures import LINES, PAGE_IN, QUIET, TEXT_PT, short
+from dragon_ros.core.words import counted
 from dragon_ros.cost.costs import Costs
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ def picture(costs: Costs) -> 'Figure':
     _whole(whole, costs)
     _bags(bags, costs)
     name = short(costs.scene).replace('$', r'\$')      # not a formula
-    figure.suptitle(f'{name}: {costs.benches:,} benches, {costs.ticks:,} ticks')
+    figure.suptitle(f'{name}: {counted(costs.benches, "bench", form=",")}, {counted(costs.ticks, "tick", form=",")}')
     figure.supxlabel(costs.machine, fontsize=TEXT_PT, color=QUIET)
     return figure
 

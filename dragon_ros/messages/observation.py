@@ -13,6 +13,7 @@ from dragon_ros.core.geometry.contacts import Observation
 from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.limits import COORDINATE_M
 from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.words import counted
 from dragon_ros.messages.cdr import NS
 from dragon_ros.messages.decode import Markers, MessageError, Poses, read_marker_array, read_pose_array
 from dragon_ros.messages.markers import BENCH, CUBE, TRIANGLE_LIST, CubesTemplate
@@ -233,7 +234,7 @@ def _bench_markers(markers: Markers) -> Ints:
 
 def _counted(benches: int, handles: int) -> None:
     if benches != handles - 1:
-        raise MessageError(f'benches: {benches} benches for {handles} handles; expected {handles - 1}')
+        raise MessageError(f'benches: {counted(benches, "bench")} for {handles} handles; expected {handles - 1}')
 
 
 def _cubes(markers: Markers, order: Ints) -> Benches:

@@ -16,6 +16,7 @@ from rclpy.task import Future
 from simulation_interfaces import action, msg, srv
 
 from dragon_ros.core.errors import DragonError
+from dragon_ros.core.words import counted
 from dragon_ros.messages.cdr import half_turns, stamp_of
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.nodes.entities import Bodies, Region, box, chosen, convex_hull, sphere
@@ -134,8 +135,8 @@ class SimulationInterfaces:
             return _failed(str(error))
         while not steps.ended:
             await ended
-        return _failed(f'{steps.shown} of {frames} steps were shown before the run ended, the request was cancelled, '
-                       'or another control took over') if steps.left else Result(result=Result.RESULT_OK)
+        return _failed(f'{steps.shown} of {counted(frames, "step")} shown before the run ended, the request was '
+                       'cancelled, or another control took over') if steps.left else Result(result=Result.RESULT_OK)
 
     def _check_paused(self) -> None:
         if self._state() != State.STATE_PAUSED:

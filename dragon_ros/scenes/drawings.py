@@ -263,7 +263,7 @@ def _different(lines: list[Any]) -> list[Any]:
 def _joined(drawing: Drawing, name: str, lines: list[Any]) -> MapLine:
     """Return lines that meet as one line, in the direction of the first."""
     kept = _different(lines)
-    notes = [f'{len(lines) - len(kept)} repeated lines were left out'] if len(kept) < len(lines) else []
+    notes = [f'{counted(len(lines) - len(kept), "repeated line", "was")} left out'] if len(kept) < len(lines) else []
     whole = kept[0] if len(kept) == 1 else _merged(kept)
     if whole is None:
         raise InputError(_parts_message(drawing, name, kept), field='path')

@@ -14,6 +14,7 @@ import numpy as np
 
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.venue import INSIDE, Origin
+from dragon_ros.core.words import counted
 from dragon_ros.scenes.georeference import WORLD_M, placed, unbounded
 from dragon_ros.scenes.maps import Drawing, Feature, read_drawing
 
@@ -131,7 +132,8 @@ def _placed(drawing: Drawing, kept: list[Feature], origin: Origin | None, near: 
                          field='origin')
     is_kept = (away_m == 0) | [(one.name or '').strip().lower() == INSIDE for one in kept]
     nearest = f' (the nearest is {np.min(away_m):.0f} m away)' if not np.any(is_kept) else ''
-    note = f'left out: {int(np.sum(~is_kept))} obstacles far from the track{nearest}' if not np.all(is_kept) else ''
+    far = counted(int(np.sum(~is_kept)), 'obstacle')
+    note = f'left out: {far} far from the track{nearest}' if not np.all(is_kept) else ''
     return [one if is_one else None for one, is_one in zip(out, is_kept, strict=True)], note
 
 

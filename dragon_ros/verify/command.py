@@ -53,7 +53,7 @@ def _proved(path: Path, effort: float) -> str:
         proved = prove(read(path), effort, _Progress())
     except (ArithmeticError, ValueError, RecursionError, MemoryError) as error:
         raise Refused(f'its numbers cannot be evaluated: {error!r:.160}') from None
-    return f'{proved.sentence} (in {proved.intervals} intervals)'
+    return f'{proved.sentence} (in {proved.intervals} {"interval" if proved.intervals == 1 else "intervals"})'
 
 
 class _Progress:

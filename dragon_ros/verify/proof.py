@@ -234,7 +234,7 @@ class _Proof:
                 raise Refused(f'intervals[{number}]: from {low!r} to {high!r} m, it exceeds the track that '
                               f'its benches pass, {least:.12g} to {most:.12g} m')
             if row.behind > count - 1 - bench:
-                raise Refused(f'intervals[{number}].behind: only {count - 1 - bench} benches are behind that bench')
+                raise Refused(f'intervals[{number}].behind: that bench has only {count - 1 - bench} behind it')
             out.setdefault(lead, []).extend((row.start_m, row.stop_m))
         return out
 

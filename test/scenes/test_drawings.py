@@ -191,7 +191,7 @@ def test_ways_of_one_name_that_meet_are_one_line_in_the_direction_of_the_first(t
 def test_a_way_that_is_listed_twice_is_walked_once(tmp_path):
     line = map_line(lines_file(tmp_path, A, B, A[::-1]), None)
     assert [*line.geometry.coords] == [(0, 0), (60, 0), (100, 0)]
-    assert line.notes[0] == '1 repeated lines were left out'
+    assert line.notes[0] == '1 repeated line was left out'
 
 
 def test_a_ring_of_ways_begins_where_its_first_way_begins(tmp_path):

@@ -114,7 +114,8 @@ class McapFile:
         """Locate the record at an offset. Raises BagError if it ends after ``end`` (by default, the file's end)."""
         end = self.size if end is None else min(end, self.size)
         if offset + HEAD.size > end:
-            raise self.fault(offset, f'a record should begin, but only {max(0, end - offset)} bytes remain')
+            raise self.fault(offset, 'a record should begin, but only '
+                                     f'{counted(max(0, end - offset), "byte", "is")} left')
         place = Location(*_at(HEAD.unpack(self.read(offset, HEAD.size)), offset))
         if place.opcode == 0:
             raise self.fault(offset, 'a record with opcode 0, which is invalid')
@@ -134,7 +135,7 @@ class McapFile:
     def fields(self, place: Location, parse: Callable[[ReadDataStream], T]) -> T:
         """Return the fields of a small record; ``parse`` is the ``read`` method of a class in ``mcap.records``."""
         if place.length > RECORD_BYTES:
-            raise self.fault(place.offset, f'a record with opcode {place.opcode} has {place.length} bytes; '
+            raise self.fault(place.offset, f'a record with opcode {place.opcode} has {counted(place.length, "byte")}; '
                              f'the limit is {RECORD_BYTES}')
         try:
             return parse_fields(self.read(place.content, place.length), parse)
@@ -150,7 +151,7 @@ class McapFile:
     def footer(self) -> tuple[Location, Footer]:
         """Return the footer. Raises BagError if the file is truncated or has no footer."""
         if not self.closed_properly:
-            raise BagError(f'{self.path}: is truncated and has no index ({self.size} bytes)')
+            raise BagError(f'{self.path}: is truncated and has no index ({counted(self.size, "byte")})')
         place = self.place(self.size - len(MAGIC) - FOOTER_BYTES, self.size - len(MAGIC))
         if place.opcode != Opcode.FOOTER or place.end != self.size - len(MAGIC):
             raise self.fault(place.offset, 'expected the footer')
@@ -228,11 +229,11 @@ class OtherRecord(NamedTuple):
 def chunk_head(file: McapFile, place: Location) -> ChunkHead:
     """Return the head of a chunk. Raises BagError if the head contradicts the record's length."""
     if place.length < _FIXED.size + 8:
-        raise file.fault(place.offset, f'a chunk of {place.length} bytes')
+        raise file.fault(place.offset, f'a chunk of {counted(place.length, "byte")}')
     start_ns, end_ns, size, crc, name = _FIXED.unpack(file.read(place.content, _FIXED.size))
     fixed = _FIXED.size + name + 8
     if name > _LONGEST_NAME or fixed > place.length:
-        raise file.fault(place.offset, f'a chunk whose compression name has {name} bytes')
+        raise file.fault(place.offset, f'a chunk whose compression name has {counted(name, "byte")}')
     text = file.read(place.content + _FIXED.size, name + 8)
     length = int.from_bytes(text[name:], 'little')
     if length != place.length - fixed:
@@ -254,7 +255,7 @@ def chunk_data(file: McapFile, place: Location, checked: bool = True) -> bytes:
     except (zstandard.ZstdError, RuntimeError, ValueError, EOFError) as error:
         raise file.fault(place.offset, f'a chunk cannot be decompressed: {error}') from None
     if len(data) != head.size:
-        raise file.fault(place.offset, f'a chunk claims {head.size} bytes but contains {len(data)}')
+        raise file.fault(place.offset, f'a chunk claims {counted(head.size, "byte")} but contains {len(data)}')
     if checked and head.crc and zlib.crc32(data) != head.crc:
         raise file.fault(place.offset, f'the CRC of a chunk is {zlib.crc32(data):08x}; it should be {head.crc:08x}')
     return data
@@ -263,7 +264,7 @@ def chunk_data(file: McapFile, place: Location, checked: bool = True) -> bytes:
 def message_time_ns(file: McapFile, place: Location) -> int:
     """Return the time of a message outside chunks. Raises BagError."""
     if place.length < _MESSAGE.size:
-        raise file.fault(place.offset, f'a message has {place.length} bytes')
+        raise file.fault(place.offset, f'a message has {counted(place.length, "byte")}')
     t_ns: int = _MESSAGE.unpack(file.read(place.content, _MESSAGE.size))[2]
     return t_ns
 
@@ -283,7 +284,7 @@ def records_in(data: bytes) -> Iterator[StoredMessage | OtherRecord]:
         if opcode != Opcode.MESSAGE:
             yield OtherRecord(opcode, start, end)
         elif length < _MESSAGE.size:
-            raise ValueError(f'its message at {at} has {length} bytes')
+            raise ValueError(f'its message at {at} has {counted(length, "byte")}')
         else:
             yield row_of(data, start + _MESSAGE.size, end)
         at = end
@@ -504,7 +505,8 @@ def _take(index: Index, opcode: int, content: bytes) -> None:
 
 def _indexed(file: McapFile, opcode: int, offset: int, length: int) -> Location:
     if not len(MAGIC) <= offset <= file.size - length or length < HEAD.size:
-        raise ValueError(f'it puts a record of {length} bytes at byte {offset}, but the file has {file.size} bytes')
+        raise ValueError(f'it puts a record of {counted(length, "byte")} at byte {offset}, but the file has '
+                         f'{file.size}')
     return Location(opcode, offset, length - HEAD.size)
 
 
@@ -550,7 +552,8 @@ class _Scan:
         index = self.index
         if place.opcode == Opcode.FOOTER:
             if place.end + len(MAGIC) != index.file.size:
-                raise index.file.fault(place.offset, f'a footer, but {index.file.size - place.end} bytes follow it')
+                raise index.file.fault(place.offset, 'a footer that does not end the file: '
+                                       f'{counted(index.file.size - place.end, "more byte")}')
             return False
         if place.opcode == Opcode.DATA_END:
             self._end_stray()

@@ -2,6 +2,8 @@
 from bisect import bisect_right
 from collections.abc import Iterable
 
+from dragon_ros.core.words import counted
+
 Interval = tuple[int, int]
 _MOST_INTERVALS = 10_000
 _MOST_SHOWN = 20
@@ -63,4 +65,4 @@ def count(intervals: Iterable[Interval]) -> int:
 def text(intervals: list[Interval]) -> str:
     """Return intervals as text: 7, 12-15; a long list is abbreviated."""
     shown = ', '.join(str(low) if low == high else f'{low}-{high}' for low, high in intervals[:_MOST_SHOWN])
-    return shown + (f' and {len(intervals) - _MOST_SHOWN} more gaps' if len(intervals) > _MOST_SHOWN else '')
+    return shown + (f' and {counted(len(intervals) - _MOST_SHOWN, "more gap")}' if len(intervals) > _MOST_SHOWN else '')

@@ -31,6 +31,7 @@ from dragon_ros.commands.sources import (
 )
 from dragon_ros.core.errors import FieldError, InputError
 from dragon_ros.core.numerics.types import Array, Floats
+from dragon_ros.core.words import counted
 from dragon_ros.version import __version__
 
 MOST_FRAMES = 3000
@@ -50,8 +51,8 @@ def frame_times(source: Source, start_s: float | None, stop_s: float | None, pac
     check_times(source, (first, last))
     frames = 1 + int((last - first) * fps / pace)
     if not 2 <= frames <= MOST_FRAMES:
-        raise InputError(f'--pace {pace:g}: it gives {frames} frames from {first:g} to {last:g} s, but only 2 to '
-                         f'{MOST_FRAMES} can be drawn; change --pace, --fps, --start or --stop')
+        raise InputError(f'--pace {pace:g}: it gives {counted(frames, "frame")} from {first:g} to {last:g} s, but only '
+                         f'2 to {MOST_FRAMES} can be drawn; change --pace, --fps, --start or --stop')
     times_s = first + np.arange(frames, dtype=np.float64) * pace / fps
     return times_s if last - times_s[-1] < _HAIR_S else np.append(times_s, last)
 

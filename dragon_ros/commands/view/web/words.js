@@ -29,7 +29,7 @@ const WORDS = {
   // The values of --try
   what_if: ['What if', '试改参数'], as_it_was: ['Reset values', '恢复原值'], working: ['working', '正在计算'], the_end: ['the end', '到结束'],
   slider: ['{key}: the slider goes from {low} to {high}', '{key}：滑块范围 {low} 至 {high}'],
-  more: ["{count} more values are in the scene's file", '场景文件中还有 {count} 个参数'],
+  more: ["further values in the scene's file: {count}", '场景文件中还有 {count} 个参数'],
   ask_contact: ['First contact', '首次碰撞'], ask_speed: ['Fastest handle', '最快的把手'], ask_room: ['Room required', '所需空间'],
   ask_pitch: ['Smallest pitch', '最小螺距'], ask_clearance: ['Smallest gap', '最小间隙'],
   no_contact: ['no contact in this run, which ends at {end} s', '本次运行到 {end} s 结束，没有碰撞'],
