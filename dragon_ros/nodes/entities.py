@@ -196,7 +196,8 @@ def _overlapping(bodies: Bodies, region: Region) -> Array:
     shapes = [shapely.points(bodies.place_m[:bodies.handle_count])]
     if bodies.benches is not None:
         shapes.append(shapely.polygons(bodies.benches.corners))
-    out: Array = shapely.distance(np.concatenate(shapes), region.shape) <= region.within_m
+    with np.errstate(invalid='ignore'):     # raised by old versions of GEOS if the region has no width
+        out: Array = shapely.distance(np.concatenate(shapes), region.shape) <= region.within_m
     return out
 
 

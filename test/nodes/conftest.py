@@ -1,82 +1,15 @@
 """Real nodes run in real processes over real DDS, in one domain per test; tests wait for conditions and never sleep."""
 import os
-import signal
 import sys
-import threading
 import time
 from contextlib import contextmanager
 
-import psutil
 import pytest
-from processes import Forked, Started
+from processes import PATIENCE_S, Forked, Process, Started
 
 from dragon_ros.cli.dds_domain import free_domain, give_up_domains, local_environment
 
 pytest.importorskip('rclpy')
-
-PATIENCE_S = 120.0
-
-
-class Process:
-    """A running program whose output is collected line by line."""
-
-    def __init__(self, child):
-        self._child = child
-        self.lines, self._new = [], threading.Condition()
-        self._reader = threading.Thread(target=self._read, daemon=True)
-        self._reader.start()
-
-    def _read(self):
-        for line in self._child.stdout:
-            with self._new:
-                self.lines.append(line)
-                self._new.notify_all()
-        with self._new:
-            self._new.notify_all()
-
-    @property
-    def text(self):
-        return ''.join(self.lines)
-
-    def wait_for(self, words):
-        """Wait until the process has printed ``words``."""
-        end = time.monotonic() + PATIENCE_S
-        with self._new:
-            while words not in self.text:
-                assert self._new.wait(timeout=max(0.0, end - time.monotonic())), f'no {words!r} in:\n{self.text}'
-                assert words in self.text or self._child.poll() is None, f'ended without {words!r}:\n{self.text}'
-
-    def stop(self, number=signal.SIGINT):
-        """Signal the process and return its exit code."""
-        self._child.send_signal(number)
-        return self.end()
-
-    def end(self):
-        """Wait until the process ends, and return its exit code."""
-        code = self._child.wait(timeout=PATIENCE_S)
-        self._reader.join(timeout=PATIENCE_S)
-        return code
-
-    def signal(self, number):
-        self._child.send_signal(number)
-
-    @property
-    def running(self):
-        return self._child.poll() is None
-
-    @property
-    def pid(self):
-        return self._child.pid
-
-    def kill(self):
-        """Kill the process and its children; the nodes of a demo that hangs would otherwise continue."""
-        if self._child.poll() is None:
-            for process in [*psutil.Process(self.pid).children(recursive=True), self._child]:
-                process.kill()
-        self._child.wait()
-        self._reader.join(timeout=PATIENCE_S)
-        self._child.stdout.close()
-
 
 @pytest.fixture
 def domain(monkeypatch):

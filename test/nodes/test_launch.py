@@ -10,9 +10,8 @@ import pytest
 pytest.importorskip('rclpy')
 pytest.importorskip('launch_ros', reason='launch_ros comes with ROS 2, not from PyPI')
 
-from conftest import Process
 from geometry_msgs.msg import PoseArray
-from processes import Started
+from processes import Process, Started
 from rcl_interfaces.srv import GetParameters
 
 from dragon_ros.bags.read.reader import BagReader

@@ -4,8 +4,7 @@ import os
 import sys
 from pathlib import Path
 
-from conftest import Process
-from processes import Started
+from processes import Process, Started
 
 from dragon_ros.nodes import logs
 

@@ -8,8 +8,7 @@ import pytest
 
 rclpy = pytest.importorskip('rclpy')
 
-from conftest import Process  # noqa: E402
-from processes import Started  # noqa: E402
+from processes import Process, Started  # noqa: E402
 from rclpy.qos import QoSProfile  # noqa: E402
 from std_msgs.msg import Float64  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from contextlib import ExitStack, contextmanager, suppress
+from importlib import import_module
 from itertools import pairwise
 from pathlib import Path
 from threading import Event
@@ -168,18 +169,22 @@ def test_a_row_that_kills_its_local_workers_is_a_row_that_says_so(tmp_path):
     assert 'every worker that computed it died' in table.column('reason').to_pylist()[2]
 
 
+def listened(process):
+    return [one for one in psutil.net_connections() if (one.pid, one.status) == (process.pid, psutil.CONN_LISTEN)]
+
+
 def test_local_workers_do_not_listen(cluster, study, tmp_path):
     listening, others = [], set(psutil.Process().children(recursive=True))      # a cluster of other tests listens
 
     def look(progress):
         for process in set(psutil.Process().children(recursive=True)) - others:
             with suppress(psutil.NoSuchProcess):
-                listening.extend(one for one in process.net_connections() if one.status == psutil.CONN_LISTEN)
-    before = [one for one in psutil.Process().net_connections() if one.status == psutil.CONN_LISTEN]
+                listening.extend(listened(process))
+    before = listened(psutil.Process())
     with writing(tmp_path, study(SLOWER)) as data:
         cluster.complete(data, Event(), look, workers=2)
     assert listening == []
-    assert [one for one in psutil.Process().net_connections() if one.status == psutil.CONN_LISTEN] == before
+    assert listened(psutil.Process()) == before
 
 
 @pytest.mark.long
@@ -238,7 +243,8 @@ def test_a_row_that_kills_its_workers_is_a_row_that_says_so(cluster, study, tmp_
 
 @pytest.mark.long
 def test_other_versions_are_refused_before_anything_is_computed(cluster, study, shared, tmp_path, monkeypatch):
-    scheduler = pytest.importorskip('dragon_studies.scheduler', exc_type=ImportError)
+    pytest.importorskip('distributed')
+    scheduler = import_module('dragon_studies.scheduler')
     wanted = scheduler.versions() | {'numpy': '0.9'}
     monkeypatch.setattr(scheduler, 'versions', lambda: wanted)
     with writing(tmp_path, study()) as data, \
@@ -248,14 +254,16 @@ def test_other_versions_are_refused_before_anything_is_computed(cluster, study, 
 
 
 def test_a_worker_of_another_version_that_joins_later_computes_nothing():
-    scheduler = pytest.importorskip('dragon_studies.scheduler', exc_type=ImportError)
+    pytest.importorskip('distributed')
+    scheduler = import_module('dragon_studies.scheduler')
     with pytest.raises(InputError, match='worker has dragon_ros'):
         scheduler.checked(lambda rows: None, {'dragon_ros': '0.0.1'}, (0, 1))
 
 
 @pytest.mark.parametrize('address', ['tcp://127.0.0.1:9', 'nonsense://', 'nowhere.json'])
 def test_a_scheduler_that_is_not_there_is_named(cluster, study, tmp_path, monkeypatch, address):
-    scheduler = pytest.importorskip('dragon_studies.scheduler', exc_type=ImportError)
+    pytest.importorskip('distributed')
+    scheduler = import_module('dragon_studies.scheduler')
     monkeypatch.setattr(scheduler, '_CONNECT_S', 0.5)
     with writing(tmp_path, study()) as data, pytest.raises(MissingError, match='--scheduler .* cannot be reached'):
         cluster.complete(data, Event(), nothing, scheduler=address)

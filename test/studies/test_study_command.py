@@ -177,6 +177,7 @@ def test_a_mistake_is_one_line_and_exit_code_2(tmp_path, monkeypatch, capsys, ar
 
 
 def test_a_scheduler_is_named_before_it_is_asked(tmp_path, capsys):
+    pytest.importorskip('distributed')
     assert main(['study', 'tolerances', '--output', str(tmp_path / 'x'), '--scheduler', 'nonsense://']) == 2
     first, second = capsys.readouterr().err.splitlines()
     assert first == 'study: connecting to nonsense://'

@@ -304,7 +304,8 @@ def _away_m(points: Complexes, line: Complexes) -> float:
     """Return the largest distance of points (n,) from the line through other points."""
     way = LineString(np.stack((line.real, line.imag), axis=1))
     prepare(way)
-    return float(np.max(distance(shapely_points(points.real, points.imag), way)))
+    with np.errstate(invalid='ignore'):     # raised by old versions of GEOS if points of the line coincide
+        return float(np.max(distance(shapely_points(points.real, points.imag), way)))
 
 
 def through(drawn: Complexes, eased: Complexes, owners: Ints, tolerance_m: float, thin_m: float) -> list[SmoothPart]:
