@@ -17,8 +17,7 @@ from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Run, Scene
-from dragon_ros.core.shift_map.build import NODES, Table
-from dragon_ros.core.shift_map.leader_map import LeaderCell
+from dragon_ros.core.shift_map.build import Table
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.spec import Arc, Composite, Line
@@ -95,12 +94,10 @@ def first_tick(scene: Scene) -> Chain:
 
 
 def needs_of_first(scene: Scene) -> list[Amounts]:
-    """Return the amounts for building each table and cell that the first tick builds."""
+    """Return the amounts for building each table that the first tick builds."""
     fresh = replace(compile_scene(scene).model)
     fresh.place(scene.head.travelled_m(scene.run.start_s))
-    leader_map = fresh.placement.leader_map
-    return [*(needs_of_table(tile.table) for shift in fresh.placement.maps.values() for tile in shift.tiles),
-            *(needs_of_cell(cell) for cell in (leader_map.cells if leader_map else []))]
+    return [needs_of_table(tile.table) for shift in fresh.placement.maps.values() for tile in shift.tiles]
 
 
 def needs_of_table(table: Table) -> Amounts:
@@ -109,11 +106,6 @@ def needs_of_table(table: Table) -> Amounts:
     Each row of a part has five series: the coordinate, two of the position and two of the velocity.
     """
     return {'product': 2.0 * 5 * table.rows * table.parts * table.nodes**2, 'cache': float(table.memory_bytes)}
-
-
-def needs_of_cell(cell: LeaderCell) -> Amounts:
-    """Return the amounts for building a cell of the leader map, which has five series for each handle."""
-    return {'product': 2.0 * 5 * cell.segment.size * NODES**2, 'cache': float(cell.memory_bytes)}
 
 
 def _later(scene: Scene) -> None:

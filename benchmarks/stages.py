@@ -13,7 +13,6 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.shift_map.blocks import TabulatedLinks
-from dragon_ros.core.shift_map.leader_map import MappedLinks
 from dragon_ros.core.step import frame_of, state
 from dragon_ros.core.tracks.composite import Place
 from dragon_ros.messages.encode import encoders
@@ -57,7 +56,7 @@ def needs_of_chain(chain: Chain) -> Amounts:
 def multiplications(chain: Chain) -> int:
     """Return the number of multiplications in the products that place a chain's handles."""
     return sum(product.terms * (product.stop - product.start)
-               for part in chain.parts if isinstance(part, TabulatedLinks | MappedLinks) for product in part.products)
+               for part in chain.parts if isinstance(part, TabulatedLinks) for product in part.products)
 
 
 def ticks_from(scene: Scene, t_s: float) -> Iterator[tuple[Floats, Benches]]:

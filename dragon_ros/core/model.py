@@ -8,7 +8,6 @@ runs and processes, and scenes that differ only in head law, run or effects shar
 from collections import OrderedDict
 from dataclasses import dataclass
 from functools import cached_property
-from heapq import merge
 from itertools import count
 from math import floor, inf, ulp
 from threading import Lock
@@ -39,7 +38,6 @@ from dragon_ros.core.tracks.spec import STurn, TrackSpec
 _LAST_FLOAT = 1.7976931348623157e308    # the largest float, used as the time if there is no end
 _MOST_SIMULATIONS = 64              # maximum number of cached simulations
 _MOST_BYTES_AHEAD = 256_000_000     # memory limit for the tables of a model that are built in advance
-_JOINT_STEPS = 25                   # number of places next to a joint for which tables are built in advance
 # The memory limit for the tables of all cached models; the least recently used models are dropped first.
 _MOST_BYTES = 1_000_000_000
 
@@ -95,7 +93,7 @@ class Model:
         lengths = {} if self.solver == 'march' else lengths_with_maps(self.links_m)
         maps = {link_m: ShiftMap(self.track, link_m, links, self.direction)
                 for link_m, links in lengths.items()}
-        return Placement(self.track, self.links_m, self.direction, maps, self.solver != 'march')
+        return Placement(self.track, self.links_m, self.direction, maps)
 
     @property
     def memory_bytes(self) -> int:
@@ -169,7 +167,7 @@ class Model:
         """
         blocks, (high, low) = blocks_of(self.links_m[:link + 2], BEHIND), gone_m
         try:
-            forward(self.track, blocks, self.leader.place(gone_m), BEHIND)
+            forward(self.track, self.links_m[:link + 2].tolist(), self.leader.place(gone_m), BEHIND)
             forward_many(self.track, blocks, self.leader.places((np.array([high]), np.array([low]))), BEHIND)
         except ChainLockError:
             return False
@@ -370,15 +368,12 @@ class Simulation:
         Another thread may place chains at the same time. Tiles that do not exist yet are built when the leader reaches
         them; positions are bit-identical either way.
         """
-        if self.model.placement.stretch_m == inf or self.is_paper:
+        if self.model.placement.section_m == inf or self.is_paper:
             return
-        (least, most), step = self.extent_m, 0.5 * self.model.placement.stretch_m
+        (least, most), step = self.extent_m, 0.5 * self.model.placement.section_m
         here = 0.0 if self.scene.is_led else float(self.scene.head.travelled_m(self.scene.run.start_s)[0])
         for sense, end in ((1, most), (-1, least)):
-            steps = (here + sense * n * step for n in count())
-            at_joints = sorted((gone_m for gone_m in self._next_to_joints if sense * (gone_m - here) > 0),
-                               reverse=sense < 0)
-            for gone_m in merge(steps, at_joints, reverse=sense < 0):
+            for gone_m in (here + sense * n * step for n in count()):
                 beyond = sense * (gone_m - end) >= 0
                 if self.model.memory_bytes > _MOST_BYTES_AHEAD:
                     return
@@ -388,17 +383,6 @@ class Simulation:
                     break
                 if beyond:
                     break
-
-    @cached_property
-    def _next_to_joints(self) -> list[float]:
-        """Distances travelled (m) at which the leader is within a link of a joint.
-
-        Such leaders may need the leader map, where a shift map serves the others. The distances are closer to each
-        other than most of the gaps in a shift map are long.
-        """
-        track, leader, link_m = self.model.track, self.model.leader, float(np.max(self.model.links_m))
-        along = [joint_m + share * link_m for joint_m in track.joints_m for share in np.linspace(-1, 1, _JOINT_STEPS)]
-        return [leader.gone_m(track.place_at(metres)) for metres in along if track.begin_m < metres < track.end_m]
 
     def track_line(self, sag_m: float = SAG_M) -> Floats:
         """Return points (m, shape (n, 2)) on the track that the handles cover in the run, from the front to the rear.

@@ -6,11 +6,10 @@ from benchmarks import command, first_ticks, live, scale, stages, ticks
 from benchmarks.scale import build
 from benchmarks.solvers import CHAIN_SOLVERS
 from benchmarks.stages import STAGES, stages_of
-from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.shift_map.build import NODES
 from dragon_ros.core.step import state
 from dragon_ros.cost.measure import Timing
 
@@ -122,17 +121,6 @@ def test_a_table_needs_the_products_that_make_its_series():
     assert first_ticks.needs_of_table(table)['product'] == 2 * table.nodes * series
     assert first_ticks.needs_of_table(table)['cache'] == table.memory_bytes
     assert first_ticks.needs_of_first(Scene(dragon=Dragon(3))) == []
-
-
-def test_cells_of_a_leader_map_need_the_products_that_make_their_series():
-    scene = Scene(dragon=Mixed((Group(3.41), Group(2.2, 9), Group(2.5, 8))))
-    state(scene, scene.run.start_s)
-    cells = compile_scene(scene).model.placement.leader_map.cells
-    needs = first_ticks.needs_of_first(scene)
-    assert len(needs) == len(cells) > 0
-    for cell, need in zip(cells, needs, strict=True):
-        assert need == {'product': 2 * NODES**2 * 5 * 19, 'cache': cell.memory_bytes}
-        assert stages.multiplications(state(scene, scene.run.start_s)) in {2 * 19 * one.orders.size for one in cells}
 
 
 def run(benches, rate_hz, overruns=0, missing=0, wall_s=2.0):

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from dragon_ros.core.chain.forward import Handles, blocks_of, forward, forward_many, row_by_row, together
+from dragon_ros.core.chain.forward import Handles, blocks_of, forward, forward_many, in_order, row_by_row, together
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.numerics.vectors import dot
 from dragon_ros.core.tracks.composite import Place, Places, Track
@@ -214,7 +214,10 @@ class MarchedLinks:
 
 
 class MarchedLink(NamedTuple):
-    """``MarchedLinks`` for one link at one instant, in plain floats; ``near`` is the handle nearer to the leader."""
+    """``MarchedLinks`` for one link before a block of a table, at one instant, in plain floats.
+
+    ``near`` is the handle nearer to the leader; the other handle's point and velocity are left to the block.
+    """
 
     start: int
     near: Place
@@ -231,47 +234,32 @@ class MarchedLink(NamedTuple):
         (k, u), (k_2, u_2) = self.near, self.far
         return np.array([k, k_2]), np.array([u.hi, u_2.hi]), np.array([u.lo, u_2.lo])
 
-    def _numbers(self, chain: Chain) -> tuple[int, int]:
-        """Return the indices of the x coordinates of both handles in the flat array of a chain."""
-        if chain.direction < 0:
-            return 2 * self.start, 2 * self.start + 2
-        last = 2 * (chain.links_m.size - self.start)
-        return last, last - 2
-
     def headings(self, chain: Chain, out: Floats) -> None:
-        """Fill in unit tangents in the head's direction."""
-        for at, (k, u) in zip(self._numbers(chain), (self.near, self.far), strict=True):
-            heading = chain.track.segments[k].heading(*u)
-            out[at], out[at + 1] = heading.real, heading.imag
+        """Fill in the unit tangent in the head's direction."""
+        self._fill(chain, 1.0, out)
+
+    def _fill(self, chain: Chain, speed: float, out: Floats) -> tuple[int, complex]:
+        """Write a velocity along the track; return its index in a flat array, and the unit tangent."""
+        at = 2 * (self.start if chain.direction == BEHIND else chain.links_m.size - self.start)
+        heading = chain.track.segments[self.near.segment].heading(*self.near.u)
+        out[at], out[at + 1] = speed * heading.real, speed * heading.imag
+        return at, heading
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
-        """Fill in velocities."""
-        at, following = self._numbers(chain)
-        segments, (k, u), (k_2, u_2) = chain.track.segments, self.near, self.far
-        one = segments[k].heading(*u)
-        out[at], out[at + 1] = speed * one.real, speed * one.imag
-        last = self.start + 1 == chain.links_m.size
-        if k == k_2 and not last:
-            return speed * segments[k].pace(u, u_2)
-        two, p = segments[k_2].heading(*u_2), chain.p
+        """Fill in the velocity."""
+        at, one = self._fill(chain, speed, out)
+        two = chain.track.segments[self.far.segment].heading(*self.far.u)
+        p, following = chain.p, at - 2 * chain.direction
         x, y = p.item(at) - p.item(following), p.item(at + 1) - p.item(following + 1)
-        speed *= (x * one.real + y * one.imag) / (x * two.real + y * two.imag)
-        if last:
-            out[following], out[following + 1] = speed * two.real, speed * two.imag
-        return speed
+        return speed * (x * one.real + y * one.imag) / (x * two.real + y * two.imag)
 
 
 def marched(track: Track, links_m: Floats, leader: Place, direction: int) -> Chain:
     """Return the chain of a leader, found by forward placement; the leader is the head (``direction`` BEHIND) or tail.
 
-    On a single spiral, all handles are solved simultaneously (``together``); on other tracks, one after the other. Both
-    methods take the same time. Raises the same errors as ``forward``.
+    Raises the same errors as ``forward``.
     """
-    one = np.array([leader.segment]), np.array([leader.u.hi]), np.array([leader.u.lo])
-    if len(track.segments) == 1 and (found := together(track, links_m[:, None], one, direction)):
-        (segment, u, lo), spent = found
-        return chain_of(track, links_m, direction, (segment[:, 0], u[:, 0], lo[:, 0]), spent)
-    handles = forward(track, blocks_of(links_m, direction), leader, direction)
+    handles = forward(track, in_order(links_m, direction), leader, direction)
     return chain_of(track, links_m, direction, arrays_of(handles), handles.evaluations)
 
 
@@ -297,8 +285,7 @@ def chain_of(track: Track, links_m: Floats, direction: int, handles: Places, eva
 
 def arrays_of(handles: Handles) -> Places:
     """Return the handles as arrays."""
-    segment, u, lo, _ = handles
-    return np.array(segment), np.array(u), np.array(lo)
+    return np.array(handles.segment), np.array(handles.u), np.array(handles.lo)
 
 
 def stack(chains: Sequence[Chain], count: int | None = None) -> Chain:

@@ -57,37 +57,41 @@ def blocks_of(links_m: Floats, direction: int) -> tuple[Block, ...]:
     return tuple(Block(start, stop, each[start]) for start, stop in pairwise(ends))
 
 
-def forward(track: Track, blocks: tuple[Block, ...], leader: Place, direction: int) -> Handles:
-    """Return the leader and the handles that follow it, given the blocks of their links.
+def in_order(links_m: Floats, direction: int) -> list[float]:
+    """Return link lengths (N,), given from head to tail, in order from the leader."""
+    out: list[float] = links_m[::-direction].tolist()
+    return out
 
-    For one instant, plain floats take 0.9 us per handle, whereas one-element arrays take 30 us.
+
+def forward(track: Track, links_m: list[float], leader: Place, direction: int, first: int = 0) -> Handles:
+    """Return the leader and the handles that follow it; ``links_m`` holds their links in order from the leader.
+
+    For one instant, plain floats take 1 us per handle, whereas one-element arrays take 30 us. ``first`` is the number
+    of the first link, for errors.
 
     Raises ChainLockError if a link cannot be placed near the centre of a spiral, and TrackEndError if the track is
     too short.
     """
-    k, (high, low) = leader
-    segments, us, lows, spent = [k], [high], [low], 0
-    for block in blocks:
-        i = block.start
-        while i < block.stop:
-            k, u = segments[-1], DoubleDouble(us[-1], lows[-1])
-            highs, los, more = track.segments[k].march(u, (block.stop - i, block.link_m), direction,
-                                                       track.edge(k, block.link_m, direction))
-            segments += [k] * len(highs)
-            us += highs
-            lows += los
+    k, u = leader
+    segments, us, lows, spent, i = [k], [u.hi], [u.lo], 0, 0
+    while i < len(links_m):
+        left_m = links_m[i:]
+        highs, los, more = track.segments[k].march(u, left_m, direction, track.edge(k, max(left_m), direction))
+        segments += [k] * len(highs)
+        us += highs
+        lows += los
+        spent += more
+        i += len(highs)
+        if i < len(links_m):
+            u = DoubleDouble(us[-1], lows[-1])
+            if direction == BEHIND and k == 0 and track.from_afar:
+                raise locked(track, first + i, u.hi, links_m[i])
+            (k, u), more = track.across(Place(k, u), links_m[i], direction)
+            segments.append(k)
+            us.append(u.hi)
+            lows.append(u.lo)
             spent += more
-            i += len(highs)
-            if i < block.stop:
-                u = DoubleDouble(us[-1], lows[-1])
-                if direction == BEHIND and k == 0 and track.from_afar:
-                    raise locked(track, i, u.hi, block.link_m)
-                (k, u), more = track.across(Place(k, u), block.link_m, direction)
-                segments.append(k)
-                us.append(u.hi)
-                lows.append(u.lo)
-                spent += more
-                i += 1
+            i += 1
     return Handles(segments, us, lows, spent)
 
 

@@ -5,7 +5,7 @@ from math import hypot, inf, sqrt
 
 import numpy as np
 
-from dragon_ros.core.chain.forward import blocks_of, forward
+from dragon_ros.core.chain.forward import forward, in_order
 from dragon_ros.core.chain.lock import turning_places
 from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.numerics.double_double import DoubleDouble, plus
@@ -148,4 +148,4 @@ def tail_behind_m(track: Track, links_m: Floats, head_m: float) -> float:
 
 def _last(track: Track, links_m: Floats, leader: Place, direction: int) -> Place:
     """Return the position of the last handle of a chain whose leader is at a given position."""
-    return forward(track, blocks_of(links_m, direction), leader, direction).place(-1)
+    return forward(track, in_order(links_m, direction), leader, direction).place(-1)

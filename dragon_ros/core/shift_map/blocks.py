@@ -1,50 +1,26 @@
-"""Placement of a chain: in one product if a map covers it; otherwise in blocks of equal links.
-
-A block is placed by a shift map if one covers it, and link by link otherwise.
-"""
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from functools import cached_property, partial
+"""Placement of a chain: each long block of equal links by its shift map, and all other links one by one."""
+from dataclasses import dataclass
+from functools import cached_property
 from math import copysign, hypot, inf
-from sys import float_info
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from dragon_ros.core.chain.chain import Chain, MarchedLink, MarchedLinks, PlacedLinks, arrays_of, marched_many
-from dragon_ros.core.chain.forward import Block, blocks_of, forward, forward_many, locked
-from dragon_ros.core.numerics.double_double import DoubleDouble
+from dragon_ros.core.chain.chain import Chain, MarchedLink, MarchedLinks, PlacedLinks, arrays_of
+from dragon_ros.core.chain.forward import Block, Handles, blocks_of, forward, forward_many, in_order
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
-from dragon_ros.core.shift_map.leader_map import MOST_LINKS, LeaderMap, MappedLinks
 from dragon_ros.core.shift_map.table import Product, ShiftMap, Spot, Spots, links_of_tile
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
 FEWEST = 8              # minimum number of links for a table; with fewer links, marching is faster
 _MOST_MAPS = 4          # maximum number of shift maps per dragon, for the link lengths of its longest blocks
-# The minimum length of a leader's link with a series, relative to the block's links; a shorter link would lose too many
-# digits.
-_SHORTEST_LEAD = 0.05
-# The maximum number of links of a block that are marched one by one in search of a table; if none is found, the
-# remaining links are marched in a single call.
-_TRIES = 8
-
-
-class _NextPlace(NamedTuple):
-    """The solver for the next position on a segment, its range of coordinates, and a function that returns points."""
-
-    next: Callable[[DoubleDouble, float, int], tuple[DoubleDouble, int]]
-    low: float
-    high: float
-    at: Callable[[float, float], complex]
 
 
 class TabulatedLinks(NamedTuple):
     """The handles of the ``links`` links that follow handle ``start`` at one instant, computed from a tile.
 
     Handles are counted from the leader.
-
-    If ``leader`` is given, the first link joins the leader to the first handle of the table.
     """
 
     start: int
@@ -53,7 +29,6 @@ class TabulatedLinks(NamedTuple):
     spot: Spot
     products: list[Product]
     direction: int
-    leader: Place | None = None
     solver: str = 'table'
 
     def fill(self, flat: Floats) -> None:
@@ -64,8 +39,7 @@ class TabulatedLinks(NamedTuple):
 
     def end(self, direction: int) -> Place:
         """Return the position of the last handle."""
-        behind = self.links - 1 if self.leader else self.links
-        return self.spot.tile.place_at(self.spot, self.spot.cell.row - direction * behind)
+        return self.spot.tile.place_at(self.spot, self.spot.cell.row - direction * self.links)
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
         """Fill in velocities."""
@@ -91,14 +65,10 @@ class TabulatedLinks(NamedTuple):
 
     def places(self) -> Places:
         """Return the positions."""
-        (tile, cell, basis), count = self.spot, self.links if self.leader else self.links + 1
-        rows, basis = cell.row - self.direction * np.arange(count), basis[:tile.table.nodes]
+        (tile, cell, basis), count = self.spot, self.links + 1
+        rows = cell.row - self.direction * np.arange(count)
         many = Spots(tile, rows, np.full(count, cell.part), np.broadcast_to(basis, (count, basis.size)))
-        segment, u, lo = tile.places_at(many, rows)
-        if not self.leader:
-            return segment, u, lo
-        k, (high, low) = self.leader
-        return np.append(k, segment), np.append(high, u), np.append(low, lo)
+        return tile.places_at(many, rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,199 +134,105 @@ class TabulatedStates:
         return segment, u, lo
 
 
+class Run(NamedTuple):
+    """Consecutive links ``start`` to ``stop - 1``, counted from the leader: a block with a map, or marched blocks."""
+
+    start: int
+    stop: int
+    links_m: list[float]
+    blocks: tuple[Block, ...]
+    shift: ShiftMap | None
+
+
 @dataclass(frozen=True, eq=False)
 class Placement:
     """A solver that places the handles of N links on a track, behind a head (``direction`` BEHIND) or ahead of a tail.
 
-    ``maps`` holds shift maps for some link lengths; blocks with other link lengths are marched. If ``uses_leader_map``
-    is false, chains are only placed block by block.
+    ``maps`` holds shift maps for some link lengths; blocks with other link lengths are marched.
     """
 
     track: Track
     links_m: Floats
     direction: int
     maps: dict[float, ShiftMap]
-    uses_leader_map: bool = True
 
     @cached_property
-    def blocks(self) -> tuple[tuple[Block, ShiftMap | None], ...]:
-        """The blocks of equal links in order from the leader, each with its shift map or None."""
-        return tuple((block, self.maps.get(block.link_m) if block.stop - block.start >= FEWEST else None)
-                     for block in blocks_of(self.links_m, self.direction))
+    def runs(self) -> tuple[Run, ...]:
+        """The runs of links in order from the leader; neighbouring blocks without a map are marched together."""
+        out, links_m = list[Run](), in_order(self.links_m, self.direction)
+        for block in blocks_of(self.links_m, self.direction):
+            shift = self.maps.get(block.link_m) if block.stop - block.start >= FEWEST else None
+            joins = out and not shift and not out[-1].shift
+            blocks = (*out.pop().blocks, block) if joins else (block,)
+            start, stop = blocks[0].start, block.stop
+            out.append(Run(start, stop, links_m[start:stop], blocks, shift))
+        return tuple(out)
 
     @property
     def memory_bytes(self) -> int:
         """The size of all tables built so far, in bytes."""
-        leader_map: LeaderMap | None = vars(self).get('leader_map')     # None if it has not been used yet
-        return sum(shift.memory_bytes for shift in self.maps.values()) + (leader_map.memory_bytes if leader_map else 0)
+        return sum(shift.memory_bytes for shift in self.maps.values())
 
     @cached_property
-    def stretch_m(self) -> float:
-        """The length of the shortest stretch whose tables are built together (m); inf if there are no tables."""
-        lengths_m = [shift.stretch_m for shift in self.maps.values()]
-        return min([*lengths_m, self.leader_map.stretch_m] if self.leader_map else lengths_m, default=inf)
-
-    @cached_property
-    def _plan(self) -> tuple[tuple[int, int, float, ShiftMap | None, list[_NextPlace]], ...]:
-        """For each block: its first and last handles, link length, shift map, and the step on each segment."""
-        return tuple((*block, shift, [self._step(k, block.link_m) for k in range(len(self.track.segments))])
-                     for block, shift in self.blocks)
-
-    def _step(self, k: int, link_m: float) -> _NextPlace:
-        """Return the step on a segment: its solver, and the range of coordinates on the segment."""
-        segment = self.track.segments[k]
-        edge = self.track.edge(k, link_m, self.direction)
-        outwards = edge > (segment.last if self.direction == BEHIND else segment.first)
-        low, high = (-inf, min(edge, float_info.max)) if outwards else (max(edge, -float_info.max), inf)
-        return _NextPlace(segment.next, low, high, segment.at)
-
-    @cached_property
-    def _lead(self) -> tuple[float, int, ShiftMap] | None:
-        """The leader's link if it alone precedes a block with a shift map: its length, and that block's end and map."""
-        if len(self.blocks) < 2:
-            return None
-        (first, own), (second, shift) = self.blocks[:2]
-        leads = shift and not own and first.stop == 1 and first.link_m >= _SHORTEST_LEAD * second.link_m
-        return (first.link_m, second.stop, shift) if shift and leads else None
+    def section_m(self) -> float:
+        """The length of the shortest section of track whose tables are built together (m); inf without tables."""
+        return min((shift.section_m for shift in self.maps.values()), default=inf)
 
     def place(self, leader: Place) -> Chain:
         """Return the chain for one position of the leader.
 
-        Raises TrackEndError if the track is too short, and ChainLockError if a link cannot be placed.
+        A run is marched from the first handle on that its tables do not cover. Raises TrackEndError if the track is too
+        short, and ChainLockError if a link cannot be placed.
         """
-        count, spent = len(self.links_m), 0
+        count, direction, spent, here, parts = len(self.links_m), self.direction, 0, leader, list[PlacedLinks]()
         flat = np.empty(2 * count + 2)
-        led = self._led(flat, leader) if self._is_one_block else None
-        whole = led if led and led.links == count else self._mapped(flat, leader)
-        parts: list[PlacedLinks] = [whole] if whole else []
-        if not whole:
-            spent = self._place_blocks(flat, leader, led if self._is_one_block else self._led(flat, leader), parts)
+        for start, stop, links_m, _, shift in self.runs:
+            spot = shift.spot(here) if shift else None
+            some = self._tabulated(flat, start, stop, spot) if spot else None
+            if some:
+                parts.append(some)
+                start += some.links
+                if start < count:
+                    here = some.end(direction)
+            if start < stop:
+                handles = forward(self.track, links_m[start - stop:], here, direction, start)
+                parts.append(self._marched(flat, start, handles, 'march' if shift else ''))
+                here, spent = handles.place(-1), spent + handles.evaluations
         p = flat.reshape(-1, 2)
         p.setflags(write=False)
-        return Chain(p, self.links_m, spent, self.track, self.direction, tuple(parts))
+        return Chain(p, self.links_m, spent, self.track, direction, tuple(parts))
 
     def build_near(self, leader: Place) -> None:
-        """Build the tables for all leaders on the stretch of a leader. Raises the same errors as ``place``.
+        """Build the tables of all blocks for leaders near a leader. Raises the same errors as ``place``."""
+        segment, u, lo = (values[::-self.direction] for values in self.place(leader).places)
+        for run in self.runs:
+            if run.shift:
+                run.shift.build_all(Place.of(segment[run.start], u[run.start], lo[run.start]))
 
-        If no leader map covers the chain, the tables of the other blocks are also built, each for the stretch on which
-        the first handle of the block is.
-        """
-        chain = self.place(leader)
-        link_m, shift = (self._lead[0], self._lead[2]) if self._lead else (0.0, self.blocks[0][1])
-        if shift:
-            shift.build_all(leader, link_m)
-        if not isinstance(chain.parts[0], MappedLinks):
-            segment, u, lo = (values[::-self.direction] for values in chain.places)
-            for block, own in self.blocks[2 if self._lead else 1:]:
-                if own:
-                    own.build_all(Place.of(segment[block.start], u[block.start], lo[block.start]))
+    def _marched(self, flat: Floats, start: int, handles: Handles, solver: str) -> PlacedLinks:
+        """Write marched handles; for a single link, leave its last handle to the next run."""
+        links, count, direction = len(handles.u) - 1, len(self.links_m), self.direction
+        if links > 1 or start + 1 == count:
+            rows = arrays_of(handles)
+            first = 2 * (start if direction == BEHIND else count - start - links)
+            flat[first:first + 2 * links + 2] = self.track.points(*rows)[::-direction].ravel()
+            return MarchedLinks(start, rows, solver)
+        near, at = handles.place(0), 2 * (start if direction == BEHIND else count - start)
+        point = self.track.segments[near.segment].at(*near.u)
+        flat[at], flat[at + 1] = point.real, point.imag
+        return MarchedLink(start, near, handles.place(1), solver)
 
-    @cached_property
-    def _is_one_block(self) -> bool:
-        """Whether a shift map may cover the whole chain, with or without the leader's link."""
-        return bool(self.blocks[0][1] if len(self.blocks) == 1 else self._lead and len(self.blocks) == 2)
-
-    @cached_property
-    def leader_map(self) -> LeaderMap | None:
-        """The leader map, for chains that are neither too short nor too long.
-
-        If a single shift map covers almost all links accurately, it also places the chains from which the leader map is
-        fitted.
-        """
-        if not self.uses_leader_map or not FEWEST <= self.links_m.size <= MOST_LINKS:
-            return None
-        others = sum(block.stop - block.start for block, shift in self.blocks if not shift)
-        if len(self.maps) == 1 and others < FEWEST:
-            # A copy of this placement, because a reference to itself would keep its tables in memory.
-            return LeaderMap(self.track, self.links_m, self.direction, replace(self).place_many)
-        return LeaderMap(self.track, self.links_m, self.direction,
-                         partial(marched_many, self.track, self.links_m, direction=self.direction))
-
-    def _led(self, flat: Floats, leader: Place) -> TabulatedLinks | None:
-        """Write the links that one product of a shift map yields together with the leader."""
-        if len(self.blocks) == 1:
-            (block, shift), = self.blocks
-            spot = shift.spot(leader) if shift else None
-            return self._tabulated(flat, 0, block.stop, spot) if spot else None
-        if not self._lead:
-            return None
-        link_m, stop, shift = self._lead
-        spot = shift.spot_behind(leader, link_m)
-        return self._tabulated(flat, 0, stop, spot, leader) if spot else None
-
-    def _mapped(self, flat: Floats, leader: Place) -> MappedLinks | None:
-        """Write all links if one product of the leader map yields them."""
-        mapped = self.leader_map.links_of(leader) if self.leader_map else None
-        if mapped:
-            mapped.fill(flat)
-        return mapped
-
-    def _place_blocks(self, flat: Floats, leader: Place, led: TabulatedLinks | None, parts: list[PlacedLinks]) -> int:
-        """Add the parts that begin with ``led``, block by block, and return the number of evaluations.
-
-        A single marched link writes only its first handle; all other parts also write their last handle.
-        """
-        if led:
-            parts.append(led)
-        count, direction, spent, filled, begin, here = len(self.links_m), self.direction, 0, False, 0, leader
-        if led:
-            begin, here, filled = led.links, led.end(direction), True
-        part: PlacedLinks
-        for i, stop, link_m, shift, steps in self._plan:
-            i, tries = max(i, begin), _TRIES if shift else 0
-            while i < stop:
-                spot = shift.spot(here) if shift and tries else None
-                some = self._tabulated(flat, i, stop, spot) if spot else None
-                if some:
-                    i, filled, part = i + some.links, True, some
-                    if i < count:
-                        here = some.end(direction)
-                elif tries or i + 1 == stop:      # one link
-                    at, z = 2 * (i if direction == BEHIND else count - i), steps[here[0]].at(*here[1])
-                    flat[at], flat[at + 1] = z.real, z.imag
-                    there, more = self._next(steps[here[0]], here, i, link_m)
-                    part = MarchedLink(i, here, there, 'march' if shift else '')
-                    here, i, spent, filled, tries = there, i + 1, spent + more, False, tries - 1
-                else:                   # the rest of the block
-                    handles = forward(self.track, (Block(i, stop, link_m),), here, direction)
-                    rows, first = arrays_of(handles), 2 * (i if direction == BEHIND else count - stop)
-                    part = MarchedLinks(i, rows, 'march' if shift else '')
-                    flat[first:first + 2 * (stop - i) + 2] = self.track.points(*rows)[::-direction].ravel()
-                    here, i, spent, filled = handles.place(-1), stop, spent + handles.evaluations, True
-                parts.append(part)
-        if not filled:
-            at, z = 2 * count if direction == BEHIND else 0, self.track.segments[here[0]].at(*here[1])
-            flat[at], flat[at + 1] = z.real, z.imag
-        return spent
-
-    def _next(self, step: _NextPlace, here: Place, i: int, link_m: float) -> tuple[Place, int]:
-        """Return the position of the next handle, and the number of evaluations.
-
-        The result is bit-identical to that of ``forward``. This function is faster for the single links of live ticks,
-        because ``step`` holds the values that ``forward`` would look up for each block, and no lists are created.
-        """
-        following, spent = step.next(here[1], link_m, self.direction)
-        if step.low <= following[0] <= step.high:
-            return Place(here[0], following), spent
-        if self.direction == BEHIND and here[0] == 0 and self.track.from_afar:
-            raise locked(self.track, i, here[1][0], link_m)
-        there, more = self.track.across(here, link_m, self.direction)
-        return there, spent + more
-
-    def _tabulated(self, flat: Floats, i: int, stop: int, spot: Spot,
-                   leader: Place | None = None) -> TabulatedLinks | None:
-        """Write the links from ``i`` to ``stop`` that the table of a spot covers; return None if it covers no link."""
+    def _tabulated(self, flat: Floats, start: int, stop: int, spot: Spot) -> TabulatedLinks | None:
+        """Write the links that the table of a spot covers; return None if it covers no link."""
         (tile, cell, _), direction = spot, self.direction
-        links = (tile.rows - 1 - cell.row if direction == BEHIND else cell.row) + (leader is not None)
-        if links > stop - i:
-            links = stop - i
-        elif not links:
+        links = min(tile.rows - 1 - cell.row if direction == BEHIND else cell.row, stop - start)
+        if not links:
             return None
         products = cell.products.get(links)
         if products is None:
             products = cell.products[links] = tile.products(cell, links, direction)
-        first = i if direction == BEHIND else len(self.links_m) - i - links
-        part = TabulatedLinks(i, links, 2 * first, spot, products, direction, leader)
+        first = start if direction == BEHIND else len(self.links_m) - start - links
+        part = TabulatedLinks(start, links, 2 * first, spot, products, direction)
         part.fill(flat)
         return part
 
@@ -368,21 +244,21 @@ class Placement:
         """
         parts: list[PlacedLinks] = []
         places, spent = leaders, 0
-        for block, shift in self.blocks:
-            part, more = self._states(block, places, shift)
+        for run in self.runs:
+            part, more = self._states(run, places)
             parts.append(part)
             spent += more
-            if block.stop < self.links_m.size:
+            if run.stop < self.links_m.size:
                 places = part.end() if isinstance(part, TabulatedStates) else _last(part.places())
         return self._chains(parts, spent, np.empty((leaders[0].size, self.links_m.size + 1, 2)) if out is None else out)
 
-    def _states(self, block: Block, places: Places, shift: ShiftMap | None) -> tuple[PlacedLinks, int]:
-        count = block.stop - block.start
+    def _states(self, run: Run, places: Places) -> tuple[PlacedLinks, int]:
+        start, stop, _, blocks, shift = run
         spots = shift.spots(places) if shift else None
-        if spots is not None and all(self._reaches(one, count) for _, one in spots):
-            return TabulatedStates(block.start, count, tuple(spots), self.direction), 0
-        rows, spent = forward_many(self.track, (block,), places, self.direction)
-        return MarchedLinks(block.start, (rows[0].T, rows[1].T, rows[2].T), 'march' if shift else ''), spent
+        if spots is not None and all(self._reaches(one, stop - start) for _, one in spots):
+            return TabulatedStates(start, stop - start, tuple(spots), self.direction), 0
+        rows, spent = forward_many(self.track, blocks, places, self.direction)
+        return MarchedLinks(start, (rows[0].T, rows[1].T, rows[2].T), 'march' if shift else ''), spent
 
     def _reaches(self, spots: Spots, count: int) -> bool:
         last = spots.row - self.direction * count

@@ -246,7 +246,7 @@ def _pulled(track: Track, link_m: float, place: Place, back_m: float) -> Place:
     """Move a position ahead, link by link, into the span that ends at ``back_m``, and return it."""
     sure = floor((back_m - track.distance_of(place)[0]) / reach_m(min(track.bend, 1 / link_m), link_m))
     if sure > 0:        # the number of links that certainly fit, given the longest arc of a link
-        place = forward(track, (Block(0, sure, link_m),), place, AHEAD).place(-1)
+        place = forward(track, [link_m] * sure, place, AHEAD).place(-1)
     while track.distance_of(place)[0] <= back_m:
         place = track.next(place, link_m, AHEAD)[0]
     return place
@@ -385,7 +385,7 @@ def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple
     if track.begin_m == -inf:       # nodes on the first segment stay on it
         links = min(count, max(1, ceil((track.distance_of(front)[0] - track.joints_m[0]) / link_m) + 2))
     try:
-        fore = forward(track, (Block(0, links, link_m),), front, BEHIND).segment
+        fore = forward(track, [link_m] * links, front, BEHIND).segment
     except (TrackEndError, ChainLockError):     # the track ends before the last row
         return [(None, count - 1)]
     # The rearmost node is one link behind the foremost node.

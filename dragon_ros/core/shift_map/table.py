@@ -29,7 +29,6 @@ from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.shift_map.build import Span, Stretch, Table, build, span_of
 from dragon_ros.core.shift_map.cache import BuildCache
-from dragon_ros.core.shift_map.lead_in import Chart, LeadIn, chart_of, lead_in, towards_leader
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
@@ -48,10 +47,6 @@ _MOST_LAYOUTS = 512         # maximum number of sections of track whose spans ar
 _FEWEST_LINKS = 512
 # The minimum length of a tile on a composite track, in links; a longer tile is at least half as long as its blocks.
 _FEWEST_JOINED = 64
-# The length of a tile's stretches, in links; the series for the leader's link are built when the leader reaches a
-# stretch.
-_STRETCH_LINKS = 64
-_STRETCH_JOINED = 32        # number of links per stretch on a composite track
 _SHORTEST = 1e-12           # shortest link, relative to coordinates, whose direction floats can resolve
 _NEAR = 1e-9                # relative distance from a boundary within which rounding could decide a position's side
 _BEFORE_LINKS = 64          # number of links from the start of a tile to the track's origin, where runs begin
@@ -69,11 +64,7 @@ class Product(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """One row of one part, stored as floats for fast evaluation of single states; ``products`` is keyed by link count.
-
-    ``before`` holds the series (K, 2) of the leader's position and of its motion if the leader is one link before this
-    row.
-    """
+    """One row of one part, stored as floats for fast evaluation of single states; ``products`` is keyed by links."""
 
     row: int
     part: int
@@ -82,7 +73,6 @@ class Cell(NamedTuple):
     middle_lo: float
     scale: float
     inverse: list[float]
-    before: tuple[Floats, Floats] | None
     products: dict[int, list[Product]]
 
 
@@ -155,56 +145,53 @@ class Groups:
 class Layout:
     """The span of a section of track, and the group of its parts that covers each leader on this section."""
 
-    def __init__(self, span: Span, direction: int) -> None:
+    def __init__(self, span: Span) -> None:
         """Store a span; positions are computed on first use."""
-        self.span, self.direction = span, direction
-        self._groups = dict[float, Groups | None]()
+        self.span = span
 
-    def groups(self, link_m: float = 0.0) -> Groups | None:
-        """Return the groups of leaders one link before a block (of the block's own leaders, if ``link_m`` is 0).
-
-        The result is None if there is a single group, or if there are no such leaders.
-        """
-        if link_m not in self._groups:
-            self._groups[link_m] = self._groups_of(link_m) if len(self.span.groups) > 1 else None
-        return self._groups[link_m]
-
-    def _groups_of(self, link_m: float) -> Groups | None:
-        track, begins = self.span.track, self.span.begins()
-        if link_m:
-            leaders = ((towards_leader(track, place, link_m, self.direction), group) for place, group in begins)
-            begins = [(leader, group) for leader, group in leaders if leader]
-        return Groups(track, begins, len(self.span.groups)) if begins else None
+    @cached_property
+    def groups(self) -> Groups | None:
+        """The groups of leaders, or None if there is a single group."""
+        count = len(self.span.groups)
+        return Groups(self.span.track, self.span.begins(), count) if count > 1 else None
 
 
 @dataclass(frozen=True, eq=False)
-class Entrance:
-    """A lookup of a tile's cells by the coordinates of leaders on a stretch between two positions.
+class Tile:
+    """The table for the leaders of blocks in one group on one section of a track, between two positions."""
 
-    Leaders of blocks are in rows of the table. Leaders one link before a block are not in any row; ``lead_in`` holds
-    their series. ``chart`` holds the charts of the cells. If there are several ``groups``, only the leaders in the
-    group of the tile are on the stretch.
-    """
-
-    tile: 'Tile'
-    chart: Chart
+    track: Track
+    table: Table
+    layout: Layout
+    group: int
     fore: Place
     rear: Place
-    groups: Groups | None
-    lead_in: LeadIn | None = None
+    kept: deque[tuple['Tile', int]]         # all cells that the shift map caches for single states
+
+    @property
+    def memory_bytes(self) -> int:
+        """The size of all arrays in bytes."""
+        return self.table.memory_bytes
+
+    @cached_property
+    def rows(self) -> int:
+        """The number of rows of the table."""
+        return self.table.rows
 
     @cached_property
     def _orders(self) -> Floats:
-        return np.arange(self.lead_in.nodes if self.lead_in else self.tile.table.nodes, dtype=np.float64)
+        return np.arange(self.table.nodes, dtype=np.float64)
 
     @cached_property
     def sides(self) -> list[_SegmentCells | None]:
-        """The cells by segment."""
-        (_, _, segment, middle, _, _), out = self.chart, list[_SegmentCells | None]()
+        """The cells by segment; they are numbered by row (from ``table.first`` on) and part, the foremost first."""
+        table, out = self.table, list[_SegmentCells | None]()
+        rows = slice(table.first, table.first + len(table.slack))
+        segment, middle = table.segment[rows].ravel(), table.middle[rows].reshape(-1, 3)
         fore = middle[:, 0] - 1 / middle[:, 2]
-        for k in range(len(self.tile.track.segments)):
+        for k in range(len(self.track.segments)):
             cells = np.flatnonzero(segment == k)
-            if not (cells.size and self.rear.segment <= k <= self.fore.segment):     # rows extend beyond the stretch
+            if not (cells.size and self.rear.segment <= k <= self.fore.segment):     # rows extend beyond the section
                 out.append(None)
                 continue
             sense = float(np.sign(middle[cells[0], 2]))
@@ -218,25 +205,24 @@ class Entrance:
         return {}
 
     def _cell(self, number: int) -> Cell:
-        """Return the cell of a chart, converted to floats."""
-        first, cell_of, _, middle, slack, inverse = self.chart
-        row, part = divmod(cell_of.item(number), self.tile.table.parts)
-        before = self.lead_in.leader(number) if self.lead_in else None
-        high, low, scale = middle[number].tolist()
-        powers = inverse[number].tolist()
-        cell = Cell(first + row, part, 1 + float(slack[number]), high, low, scale, powers, before, {})
-        kept = self.tile.kept
+        """Return a cell, converted to floats."""
+        table, (row, part) = self.table, divmod(number, self.table.parts)
+        high, low, scale = table.middle[table.first + row, part].tolist()
+        cell = Cell(table.first + row, part, 1 + table.slack.item(row, part), high, low, scale,
+                    table.inverse[row, part].tolist(), {})
+        kept = self.kept
         if len(kept) >= _MOST_CELLS:
-            entrance, oldest = kept.popleft()
-            entrance._cells.pop(oldest, None)
+            tile, oldest = kept.popleft()
+            tile._cells.pop(oldest, None)
         kept.append((self, number))
         self._cells[number] = cell
         return cell
 
     def spot(self, place: Place) -> Spot | Elsewhere | None:
-        """Return the location of a position, None if the table does not cover it, ELSEWHERE if it is off the stretch.
+        """Return the location of a position, None if the table does not cover it, ELSEWHERE if it is off the section.
 
-        The stretch is half open: it includes its rear end but not its front end.
+        The section is half open: it includes its rear end but not its front end. If it has several groups, only the
+        leaders in the group of the tile are on it.
         """
         side = self.sides[place[0]]
         if side is None:
@@ -246,14 +232,14 @@ class Entrance:
         along = sense * high
         if not front < along <= rear:
             return _ELSEWHERE
-        if self.groups is not None:     # as ``Groups.of``, without a call
-            _, fronts, groups = self.groups.sides[place[0]]
-            if groups[bisect_right(fronts, along)] != self.tile.group:
+        if self.layout.groups is not None:     # as ``Groups.of``, without a call
+            _, fronts, groups = self.layout.groups.sides[place[0]]
+            if groups[bisect_right(fronts, along)] != self.group:
                 return _ELSEWHERE
         # A position before the first cell is in the first cell or in no cell.
         number = cells[bisect_right(begins, along, 1) - 1]
         cell = self._cells.get(number) or self._cell(number)
-        _, _, slack, middle, middle_lo, scale, inverse, _, _ = cell
+        _, _, slack, middle, middle_lo, scale, inverse, _ = cell
         x = ((high - middle) + (low - middle_lo)) * scale
         if not -slack <= x <= slack:
             return None
@@ -261,48 +247,14 @@ class Entrance:
         for coefficient in inverse:
             u = u * x + coefficient
         basis = self._orders * acos(u if -1.0 <= u <= 1.0 else 1.0 if u > 0 else -1.0)
-        return Spot(self.tile, cell, np.cos(basis, basis))
-
-
-@dataclass(frozen=True, eq=False)
-class Tile:
-    """The table for the leaders of blocks in one group on one section of a track, between two positions."""
-
-    track: Track
-    table: Table
-    layout: Layout
-    group: int
-    fore: Place
-    rear: Place
-    entrances: dict[tuple[float, int], Entrance | None]     # for leaders one link before a block, by link and stretch
-    kept: deque[tuple[Entrance, int]]       # all cells that the shift map caches for single states
-
-    @property
-    def memory_bytes(self) -> int:
-        """The size of all arrays in bytes."""
-        return self.table.memory_bytes + sum(one.lead_in.memory_bytes for one in list(self.entrances.values())
-                                             if one and one.lead_in)
-
-    @cached_property
-    def rows(self) -> int:
-        """The number of rows of the table."""
-        return self.table.rows
-
-    @cached_property
-    def _orders(self) -> Floats:
-        return np.arange(self.table.nodes, dtype=np.float64)
-
-    @cached_property
-    def entrance(self) -> Entrance:
-        """The entrance for the leaders of blocks."""
-        return Entrance(self, chart_of(self.table), self.fore, self.rear, self.layout.groups())
+        return Spot(self, cell, np.cos(basis, basis))
 
     def spots(self, places: Places) -> tuple[Spots, Array]:
-        """Return the locations of many positions on the stretch, and whether the table covers each position."""
+        """Return the locations of many positions on the section, and whether the table covers each position."""
         (segment, u, lo), table = places, self.table
         cell, known = np.zeros_like(segment), np.zeros(segment.shape, dtype=bool)
         for k in self.track.present(segment):
-            side, on = self.entrance.sides[k], segment == k
+            side, on = self.sides[k], segment == k
             if side:
                 at = np.searchsorted(side.begins, side.sense * u[on], side='right') - 1
                 cell[on] = np.array(side.cells)[np.maximum(0, at)]
@@ -321,7 +273,7 @@ class Tile:
         """Return the position of the handle in another row."""
         part = spot.cell.part
         middle, middle_lo, scale = self.table.middle[row, part].tolist()
-        x = float(spot.basis[:self.table.nodes] @ self.table.coordinates[part, :, row])
+        x = float(spot.basis @ self.table.coordinates[part, :, row])
         return Place(int(self.table.segment[row, part]), DoubleDouble(*plus(middle, middle_lo, x / scale)))
 
     def places_at(self, spots: Spots, row: Ints) -> Places:
@@ -331,28 +283,20 @@ class Tile:
         return self.table.segment[row, spots.part], *plus(middle[:, 0], middle[:, 1], x / middle[:, 2])
 
     def products(self, cell: Cell, links: int, direction: int) -> list[Product]:
-        """Return the products for ``links`` links from head to tail: the links beyond a cell, and any link before it.
+        """Return the products for ``links`` links beyond a cell, from head to tail.
 
         A single product uses ``dot`` on a contiguous copy of its series, which is fastest; several products use views.
         """
-        table, before, size = self.table, cell.before, 2 * links + 2
-        behind = links - 1 if before else links
-        first, columns = cell.row if direction == BEHIND else cell.row - behind, 2 * behind + 2
+        table, size = self.table, 2 * links + 2
+        first = cell.row if direction == BEHIND else cell.row - links
         terms = int(table.terms[cell.part, first])
-        of_leader = len(before[0]) if before else 0     # number of terms, the same for both series
-        places, motions = (series[cell.part, :terms, 2 * first:2 * first + columns]
+        places, motions = (series[cell.part, :terms, 2 * first:2 * first + size]
                            for series in (table.places, table.motions))
-        if max(terms, of_leader) * size <= TERMS:
-            if before:
-                places, motions = (_joined(*pair, direction) for pair in zip(before, (places, motions), strict=True))
-            return [Product(np.dot, len(places), np.ascontiguousarray(places), np.ascontiguousarray(motions), 0, size)]
-        width, at = TERMS // terms // 2 * 2, 2 if before and direction == BEHIND else 0
-        out = [Product(np.matmul, terms, places[:, low:stop], motions[:, low:stop], at + low, at + stop)
-               for low in range(0, columns, width) for stop in [min(low + width, columns)]]
-        if before:
-            at = 0 if direction == BEHIND else size - 2
-            out.append(Product(np.matmul, of_leader, *before, at, at + 2))
-        return out
+        if terms * size <= TERMS:
+            return [Product(np.dot, terms, np.ascontiguousarray(places), np.ascontiguousarray(motions), 0, size)]
+        width = TERMS // terms // 2 * 2
+        return [Product(np.matmul, terms, places[:, low:stop], motions[:, low:stop], low, stop)
+                for low in range(0, size, width) for stop in [min(low + width, size)]]
 
     def fill_many(self, spots: Spots, first: Ints, out: Floats, motions: bool = False) -> None:
         """Fill ``out`` (S, n, 2) with positions or motions; states in the same row and part share a product."""
@@ -393,15 +337,6 @@ class Tile:
         return out
 
 
-def _joined(leader: Floats, block: Floats, direction: int) -> Floats:
-    """Join the series of a leader and of a block's handles, from head to tail; shorter series end in zeros."""
-    out = np.zeros((max(len(leader), len(block)), block.shape[1] + 2))
-    head = direction == BEHIND
-    out[:len(leader), :2 if head else None][:, None if head else -2:] = leader
-    out[:len(block), 2 if head else 0:None if head else -2] = block
-    return out
-
-
 def _memory_bytes(tiles: list[Tile | None]) -> int:
     """Return the size of the arrays of all tiles, in bytes."""
     return sum(tile.memory_bytes for tile in tiles if tile)
@@ -411,9 +346,9 @@ def _are_too_many(tiles: list[Tile | None]) -> bool:
     return len(tiles) > _MOST_TILES or _memory_bytes(tiles) > _MOST_BYTES
 
 
-def _forget(kept: deque[tuple[Entrance, int]], gone: Tile | None) -> None:
+def _forget(kept: deque[tuple[Tile, int]], gone: Tile | None) -> None:
     """Forget the cells of a tile that is dropped, because they would keep it in memory."""
-    stay = [one for one in kept if one[0].tile is not gone]
+    stay = [one for one in kept if one[0] is not gone]
     kept.clear()
     kept.extend(stay)
 
@@ -430,16 +365,13 @@ class ShiftMap:
     def __init__(self, track: Track, link_m: float, links: int, direction: int) -> None:
         """Lay out the tiles without building any."""
         self.track, self.link_m, self.links, self.direction = track, link_m, links, direction
-        stretch = _STRETCH_LINKS if len(track.segments) == 1 else _STRETCH_JOINED
-        self._stretches = links_of_tile(links, len(track.segments)) // stretch    # number per tile
-        self.stretch_m, self._before_m = stretch * link_m, _BEFORE_LINKS * link_m
-        self._kept: deque[tuple[Entrance, int]] = deque()
+        self.section_m, self._before_m = links_of_tile(links, len(track.segments)) * link_m, _BEFORE_LINKS * link_m
+        self._kept: deque[tuple[Tile, int]] = deque()
         self._layouts = BuildCache[int, Layout | None](lambda layouts: len(layouts) > _MOST_LAYOUTS)    # by section
         self._tiles = BuildCache[tuple[int, int], Tile | None](     # by section and group
             _are_too_many, partial(_forget, self._kept))
-        self._last: Entrance | None = None
-        self._last_before: Entrance | None = None
-        self._edges: dict[tuple[int, float], Place | None] = {}
+        self._last: Tile | None = None
+        self._edges: dict[int, Place | None] = {}
 
     @property
     def tiles(self) -> list[Tile]:
@@ -456,44 +388,21 @@ class ShiftMap:
         last = self._last       # another thread may replace ``_last``
         found = last.spot(place) if last is not None else _ELSEWHERE
         if found is _ELSEWHERE:
-            tile = self._tile_of(self._number(place), place)
+            section = self._number(place)
+            layout = self._layout(section)
+            tile = self._tile(section, layout.groups.of(place) if layout and layout.groups else 0)
             if tile is None:
                 return None
-            self._last = entrance = tile.entrance
-            found = entrance.spot(place)
+            self._last = tile
+            found = tile.spot(place)
         return None if found is _ELSEWHERE else found       # if not found, the segment is too short for a part
 
-    def spot_behind(self, leader: Place, link_m: float) -> Spot | None:
-        """Return the location of a leader's follower across a link of other length, or None if no series covers it."""
-        last = self._last_before
-        found = last.spot(leader) if last is not None else _ELSEWHERE
-        if found is _ELSEWHERE:
-            number = self._number(leader, link_m)
-            tile = self._tile_of(number, leader, link_m)
-            entrance = self._entrance_before(tile, number, link_m) if tile else None
-            if entrance is None:
-                return None
-            self._last_before = entrance
-            found = entrance.spot(leader)
-        return None if found is _ELSEWHERE else found       # if not found, no series converges on the segment
-
-    def _entrance_before(self, tile: Tile, number: int, link_m: float) -> Entrance | None:
-        """Return the entrance for leaders one link before blocks on a stretch, or None if there are no such leaders."""
-        if (link_m, number) not in tile.entrances:
-            found = lead_in(self.track, tile.table, (link_m, self.link_m), self.direction, self._stretch_of(number, 1))
-            tile.entrances[link_m, number] = None if found is None else Entrance(
-                tile, found.chart, self._leader_at(number + 1, link_m) or self._end(1),
-                self._leader_at(number, link_m) or self._end(-1), tile.layout.groups(link_m), found)
-        return tile.entrances[link_m, number]
-
-    def build_all(self, leader: Place, link_m: float = 0.0) -> None:
-        """Build the tables of all groups for leaders on the stretch of a leader, with the series for its link."""
-        number = self._number(leader, link_m)
-        layout = self._layout(number // self._stretches)
+    def build_all(self, place: Place) -> None:
+        """Build the tables of all groups for leaders on the section of a leader."""
+        number = self._number(place)
+        layout = self._layout(number)
         for group in range(len(layout.span.groups) if layout else 0):
-            tile = self._tile(number // self._stretches, group)
-            if tile and link_m:
-                self._entrance_before(tile, number, link_m)
+            self._tile(number, group)
 
     def spots(self, places: Places) -> list[tuple[Ints, Spots]] | None:
         """Return the indices and the locations of many positions, by tile, or None if any is not in a table."""
@@ -501,7 +410,6 @@ class ShiftMap:
         numbers = self._numbers(places)
         if numbers is None:
             return None
-        numbers //= self._stretches
         sections = sorted(set(numbers.tolist()))       # np.unique would import masked arrays
         each = [(np.flatnonzero(numbers == one) if len(sections) > 1 else np.arange(segment.size), one)
                 for one in sections]
@@ -520,15 +428,15 @@ class ShiftMap:
     def _by_group(self, number: int, rows: Ints, places: Places) -> list[tuple[Ints, int]]:
         """Return the rows of positions in a section, by the group that covers them."""
         layout = self._layout(number)
-        groups = layout.groups() if layout else None
+        groups = layout.groups if layout else None
         if groups is None:
             return [(rows, 0)]
         group = groups.of_many((places[0][rows], places[1][rows], places[2][rows]))
         return [(rows[group == one], one) for one in sorted(set(group.tolist()))]
 
     def _numbers(self, places: Places) -> Ints | None:
-        """Return the indices of the stretches of many positions, or None if floats cannot resolve links there."""
-        share = (self.track.distances(*places[:2]) + self._before_m) / self.stretch_m
+        """Return the indices of the sections of many positions, or None if floats cannot resolve links there."""
+        share = (self.track.distances(*places[:2]) + self._before_m) / self.section_m
         if np.max(np.abs(share), initial=0.0) > 1 / _SHORTEST:
             return None
         number: Ints = np.floor(share).astype(np.int64)
@@ -536,76 +444,49 @@ class ShiftMap:
             number[n] = self._number(Place.of(*(values[n] for values in places)))
         return number
 
-    def _number(self, place: Place, link_m: float = 0.0) -> int:
-        """Return the index of the stretch that contains a position, or its follower across a link."""
-        along_m = self.track.about_m(place) + self.direction * link_m
-        number = floor((along_m + self._before_m) / self.stretch_m)
-        while self._is_behind(place, number, link_m):
+    def _number(self, place: Place) -> int:
+        """Return the index of the section that contains a position."""
+        number = floor((self.track.about_m(place) + self._before_m) / self.section_m)
+        while self._is_behind(place, number):
             number -= 1
-        while not self._is_behind(place, number + 1, link_m):
+        while not self._is_behind(place, number + 1):
             number += 1
         return number
 
-    def _is_behind(self, place: Place, number: int, link_m: float) -> bool:
-        """Return whether a position, or its follower across a link, is behind the start of a stretch."""
+    def _is_behind(self, place: Place, number: int) -> bool:
+        """Return whether a position is behind the start of a section."""
         begin = self._boundary(number)
         if begin is None:
-            return self._stretch_of(number, 1)[0] >= self.track.end_m
-        if link_m:
-            begin = self._leader_at(number, link_m)
-            if begin is None:
-                return self.direction == BEHIND
+            return self._section(number)[0] >= self.track.end_m
         if place.segment != begin.segment:
             return place.segment < begin.segment
         return bool((place.u.hi - begin.u.hi) * self.track.segments[place.segment].rate(place.u.hi) < 0)
 
-    def _leader_at(self, number: int, link_m: float) -> Place | None:
-        """Return the cached position of the leader whose follower is at the start of a stretch, or None.
-
-        Without a link, the leader is itself at the start of the stretch.
-        """
-        key = number, link_m
-        try:
-            return self._edges[key]
-        except KeyError:
-            pass
-        begin = self._boundary(number) if link_m else self._begin(number)
-        place = towards_leader(self.track, begin, link_m, self.direction) if begin and link_m else begin
-        if len(self._edges) >= _BOUNDARIES:
-            self._edges.clear()
-        self._edges[key] = place
-        return place
-
     def _boundary(self, number: int) -> Place | None:
-        """Return the position at which a stretch begins, or None if it is beyond the track."""
-        return self._leader_at(number, 0.0)
+        """Return the cached position at which a section begins, or None if it is beyond the track."""
+        if number not in self._edges:
+            if len(self._edges) >= _BOUNDARIES:
+                self._edges.clear()
+            metres = self._section(number)[0]
+            on_track = self.track.begin_m < metres < self.track.end_m
+            self._edges[number] = self.track.place_at(metres) if on_track else None
+        return self._edges[number]
 
-    def _begin(self, number: int) -> Place | None:
-        metres = self._stretch_of(number, 1)[0]
-        return self.track.place_at(metres) if self.track.begin_m < metres < self.track.end_m else None
-
-    def _stretch_of(self, number: int, stretches: int) -> tuple[float, float]:
-        """Return the distances of both ends of consecutive stretches along the track, in metres."""
-        return number * self.stretch_m - self._before_m, (number + stretches) * self.stretch_m - self._before_m
+    def _section(self, number: int) -> tuple[float, float]:
+        """Return the distances of both ends of a section along the track, in metres."""
+        return number * self.section_m - self._before_m, (number + 1) * self.section_m - self._before_m
 
     def _layout(self, number: int) -> Layout | None:
         """Return the layout of a section of track, computed on first use, or None if it has no tables."""
         return self._layouts.get(number, self._laid_out)
 
     def _laid_out(self, number: int) -> Layout | None:
-        track, (low_m, high_m) = self.track, self._stretch_of(number * self._stretches, self._stretches)
+        track, (low_m, high_m) = self.track, self._section(number)
         far_m = track.far_m(max(low_m, track.begin_m), min(high_m, track.end_m))
         if self.link_m <= _SHORTEST * far_m:
             return None
         span = span_of(track, self.link_m, Stretch(low_m, high_m, self.links, self.direction))
-        return Layout(span, self.direction) if span else None
-
-    def _tile_of(self, number: int, place: Place, link_m: float = 0.0) -> Tile | None:
-        """Return the tile for a leader on a stretch, one link before a block if ``link_m`` is given."""
-        section = number // self._stretches
-        layout = self._layout(section)
-        groups = layout.groups(link_m) if layout else None
-        return self._tile(section, groups.of(place) if groups else 0)
+        return Layout(span) if span else None
 
     def _tile(self, number: int, group: int) -> Tile | None:
         """Return the tile of a group of a section, built on first use, or None if it has no table."""
@@ -617,10 +498,8 @@ class ShiftMap:
         table = build(layout.span, group) if layout else None
         if layout is None or table is None:
             return None
-        first = number * self._stretches
-        fore = self._boundary(first + self._stretches) or self._end(1)
-        rear = self._boundary(first) or self._end(-1)
-        return Tile(self.track, table, layout, group, fore, rear, {}, self._kept)
+        fore, rear = self._boundary(number + 1) or self._end(1), self._boundary(number) or self._end(-1)
+        return Tile(self.track, table, layout, group, fore, rear, self._kept)
 
     def _end(self, side: int) -> Place:
         """Return the end of the track ahead (``side`` 1) or behind; an open track ends infinitely far away."""

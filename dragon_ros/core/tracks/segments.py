@@ -5,6 +5,7 @@ The coordinate u along a segment is the distance in metres on a line, the angle 
 polar angle on a spiral (``spiral``). It is stored as a double-double (hi, lo).
 """
 import cmath
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import asin
 from typing import Any, NamedTuple, Protocol
@@ -95,10 +96,6 @@ class Segment(Protocol):
         """
         ...
 
-    def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
-        """Return the speed of the handle at ``to`` if the other handle of its link, at ``u``, moves at unit speed."""
-        ...
-
     def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
         """Return the coordinate changes to the next positions (inf if there is none), and the number of evaluations.
 
@@ -110,12 +107,11 @@ class Segment(Protocol):
         """Return the input of the predictor for the given coordinate changes."""
         ...
 
-    def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
+    def march(self, u: DoubleDouble, links_m: list[float], direction: int,
               edge: float) -> tuple[list[float], list[float], int]:
-        """Return the coordinates (hi, lo) of the next handles, and the number of evaluations.
+        """Return the coordinates (hi, lo) of the next handles, one for each link, and the number of evaluations.
 
-        ``links`` = (count, chord_m) holds the number of links and their length. The march stops before the first handle
-        that is beyond ``edge`` or cannot be placed.
+        The march stops before the first handle that is beyond ``edge`` or cannot be placed.
         """
         ...
 
@@ -178,10 +174,6 @@ class LineSegment:
         """Return the position that is one chord away."""
         return DoubleDouble(*plus(*u, direction * chord_m)), 1
 
-    def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
-        """Return 1: both ends of a link have the same speed."""
-        return 1.0
-
     def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
         """Return the coordinate changes to the next positions, and the number of evaluations."""
         return np.full_like(u, direction * chord_m), 0
@@ -190,10 +182,10 @@ class LineSegment:
         """Return ``shift`` itself: the changes have a closed form, so no predictor is needed."""
         return shift
 
-    def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
+    def march(self, u: DoubleDouble, links_m: list[float], direction: int,
               edge: float) -> tuple[list[float], list[float], int]:
-        """Return the coordinates of at most ``links[0]`` further handles."""
-        return _equal_shifts(u, links[0], direction * links[1], direction, edge)
+        """Return the coordinates of at most ``len(links_m)`` further handles."""
+        return _shifted(u, links_m, direction, edge)
 
 
 @dataclass(frozen=True)
@@ -272,10 +264,6 @@ class ArcSegment:
         """Return the position that is one chord away."""
         return DoubleDouble(*plus(*u, direction * arc_span(self.radius_m, chord_m))), 1
 
-    def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
-        """Return 1: both ends of a link have the same speed."""
-        return 1.0
-
     def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
         """Return the coordinate changes to the next positions, and the number of evaluations."""
         return np.full_like(u, direction * arc_span(self.radius_m, chord_m)), 0
@@ -284,10 +272,11 @@ class ArcSegment:
         """Return ``shift`` itself: the changes have a closed form, so no predictor is needed."""
         return shift
 
-    def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
+    def march(self, u: DoubleDouble, links_m: list[float], direction: int,
               edge: float) -> tuple[list[float], list[float], int]:
-        """Return the coordinates of at most ``links[0]`` further handles."""
-        return _equal_shifts(u, links[0], direction * arc_span(self.radius_m, links[1]), direction, edge)
+        """Return the coordinates of at most ``len(links_m)`` further handles."""
+        spans = {link_m: arc_span(self.radius_m, link_m) for link_m in set(links_m)}
+        return _shifted(u, map(spans.__getitem__, links_m), direction, edge)
 
 
 def reach_m(bend: float, chord_m: float) -> float:
@@ -307,12 +296,12 @@ def arc_span(radius_m: float, chord_m: float) -> float:
     return 2 * asin(chord_m / (2 * radius_m))
 
 
-def _equal_shifts(u: DoubleDouble, count: int, shift: float, direction: int,
-                  edge: float) -> tuple[list[float], list[float], int]:
-    """Return equally spaced coordinates (hi, lo) up to an edge, and their count."""
+def _shifted(u: DoubleDouble, shifts: Iterable[float], direction: int,
+             edge: float) -> tuple[list[float], list[float], int]:
+    """Return coordinates (hi, lo) that are the given shifts apart, up to an edge, and their count."""
     high, low, highs, lows = *u, list[float](), list[float]()
-    for _ in range(count):
-        high, low = plus(high, low, shift)
+    for shift in shifts:
+        high, low = plus(high, low, direction * shift)
         if (edge - high) * direction < 0:
             break
         highs.append(high)

@@ -260,23 +260,23 @@ def step_in(theta: float, chord: float, guess: float, arc: float) -> tuple[float
     delta) sin^2(delta / 2). ``arc`` is an arc length within which the chord grows to at least c (see ``reach_m``).
     The search ends at ``high``, an angle that spans slightly more than this arc.
     """
-    square = chord * chord
-
-    def excess(delta: float) -> tuple[float, float]:
-        s, inner = sin(0.5 * delta), theta - delta
-        across = 2 * theta * s
-        value = 0.5 * (delta * delta - square) + across * inner * s
-        return value, delta - across * s + theta * inner * sin(delta)
-
-    high, delta = _furthest_in(theta, arc), guess
+    square, high, delta = chord * chord, _furthest_in(theta, arc), guess
     for evaluations in range(1, _CHORD_STEPS):
-        value, slope = excess(delta)
-        change = value / slope if slope > 0 else inf
+        half = 0.5 * delta
+        s, inner = sin(half), theta - delta
+        across = 2 * theta * s
+        slope = delta - across * s + across * inner * cos(half)
+        change = (0.5 * (delta * delta - square) + across * inner * s) / slope if slope > 0 else inf
         delta -= change
         if not 0.0 < delta <= high:
             break
         if -TIGHT * delta <= change <= TIGHT * delta:
             return delta, evaluations
+
+    def excess(delta: float) -> tuple[float, float]:
+        value, phi = chord_excess(theta, chord, -delta)
+        return value, -phi
+
     if excess(high)[0] < 0:
         return inf, evaluations + 1
     delta, more = bracketed_newton(excess, 0.0, high, 0.5 * high, TIGHT)
@@ -539,21 +539,6 @@ class SpiralSegment:
         delta, spent = step_in(theta, chord, first_guess_in(theta, chord), self._arc(chord_m))
         return DoubleDouble(*plus(theta, low, -delta)) if delta < inf else _NOWHERE_IN, spent
 
-    def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
-        """Return the speed of the handle at ``to`` if the handle at ``u`` has unit speed.
-
-        The speed is cos alpha / cos beta, where alpha and beta are the angles between the link and the tangents at
-        ``u`` and ``to``. With s = sin(delta / 2), the component of the link along the tangent at theta is ``front`` /
-        sqrt(1 + theta^2).
-        """
-        inner, outer = (u, to) if u < to else (to, u)
-        theta, far, delta = inner[0], outer[0], (outer[0] - inner[0]) + (outer[1] - inner[1])
-        s, c = sin(0.5 * delta), cos(0.5 * delta)
-        across = 2 * theta * s
-        front, back = delta * (1 - 2 * s * s) - across * s + across * far * c, delta + across * (s + far * c)
-        w_inner, w_outer = front * sqrt(1 + far * far), back * sqrt(1 + theta * theta)
-        return w_inner / w_outer if inner is u else w_outer / w_inner
-
     @cached_property
     def _b_m(self) -> float:
         return self.curve.b_m
@@ -593,18 +578,25 @@ class SpiralSegment:
         out: Floats = np.abs(shift * (2 * u + shift))
         return out
 
-    def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
+    def march(self, u: DoubleDouble, links_m: list[float], direction: int,
               edge: float) -> tuple[list[float], list[float], int]:
-        """Return the coordinates of at most ``links[0]`` further handles; this innermost loop creates no objects."""
-        return self._march_out(u, links, edge) if direction == self.way else self._march_in(u, links, edge)
+        """Return the coordinates of at most ``len(links_m)`` further handles; the loops create no objects."""
+        b_m = self.curve.b_m
+        chords = [link_m / b_m for link_m in links_m]
+        if direction == self.way:
+            return self._march_out(u, chords, edge)
+        return self._march_in(u, chords, edge, self._arc(max(links_m)))
 
-    def _march_out(self, u: DoubleDouble, links: tuple[int, float],
-                   edge: float) -> tuple[list[float], list[float], int]:
-        (theta, low), (count, chord_m) = u, links
-        highs, lows, spent, chord = list[float](), list[float](), 0, chord_m / self.curve.b_m
+    @staticmethod
+    def _march_out(u: DoubleDouble, chords: list[float], edge: float) -> tuple[list[float], list[float], int]:
+        (theta, low), highs, lows, spent = u, list[float](), list[float](), 0
         d1 = d2 = d3 = 0.0
-        for _ in range(count):
+        before = 1.0
+        for chord in chords:
             square = 3 * (d1 - d2) + d3 if d3 else d1       # next_square
+            if chord != before:
+                square, before = d1 * chord / before, chord
+                d1 = d2 = 0.0
             guess = square / (theta + sqrt(theta * theta + square)) if square > 0 else first_guess(theta, chord)
             delta, evaluations = step(theta, chord, guess)
             spent += evaluations
@@ -618,12 +610,17 @@ class SpiralSegment:
             lows.append(low)
         return highs, lows, spent
 
-    def _march_in(self, u: DoubleDouble, links: tuple[int, float], edge: float) -> tuple[list[float], list[float], int]:
-        (theta, low), (count, chord_m), b_m = u, links, self.curve.b_m
-        highs, lows, spent, chord, arc = list[float](), list[float](), 0, chord_m / b_m, self._arc(chord_m)
+    @staticmethod
+    def _march_in(u: DoubleDouble, chords: list[float], edge: float,
+                  arc: float) -> tuple[list[float], list[float], int]:
+        (theta, low), highs, lows, spent = u, list[float](), list[float](), 0
         d1 = d2 = d3 = 0.0
-        for _ in range(count):
+        before = 1.0
+        for chord in chords:
             square = 3 * (d1 - d2) + d3 if d3 else d1       # next_square
+            if chord != before:
+                square, before = d1 * chord / before, chord
+                d1 = d2 = 0.0
             guess = (square / (theta + sqrt(theta * theta - square)) if 0 < square < theta * theta else
                      first_guess_in(theta, chord))
             delta, evaluations = step_in(theta, chord, guess, arc)

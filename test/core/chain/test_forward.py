@@ -60,7 +60,7 @@ def test_chains_that_are_placed_at_once_are_those_placed_link_by_link(pitch, sta
     leaders = track.places_at(np.array([0.0, -further]), np.zeros(2))
     leader = Place.of(*(values[0] for values in leaders))
     try:
-        one_by_one = forward(track, blocks_of(links, BEHIND), leader, BEHIND)
+        one_by_one = forward(track, links.tolist(), leader, BEHIND)
     except ChainLockError as error:
         with pytest.raises(ChainLockError, match=f'link {error.fields["link"]}'):
             marched_many(track, links, leaders, BEHIND)
@@ -81,7 +81,7 @@ def test_chains_of_any_links_that_are_placed_at_once_are_those_placed_link_by_li
     assert spent == together(track, mixed.T, leaders, BEHIND)[1]        # not link by link
     for n in range(2):
         leader = Place.of(*(values[n] for values in leaders))
-        one_by_one = forward(track, blocks_of(mixed[n], BEHIND), leader, BEHIND)
+        one_by_one = forward(track, mixed[n].tolist(), leader, BEHIND)
         off = (u[:, n] - np.array(one_by_one.u)) + (lo[:, n] - np.array(one_by_one.lo))
         assert np.max(np.abs(off)) < 1e-12
 

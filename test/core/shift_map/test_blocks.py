@@ -14,7 +14,7 @@ from properties import examples, thinned
 from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.chain import marched
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
-from dragon_ros.core.chain.forward import blocks_of, forward, next_places
+from dragon_ros.core.chain.forward import forward, next_places
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
 from dragon_ros.core.model import compile_scene
@@ -47,11 +47,6 @@ def placement(track, links, direction):
     maps = {link_m: ShiftMap(track, link_m, count, direction)
             for link_m, count in lengths_with_maps(links).items()}
     return Placement(track, links, direction, maps)
-
-
-def by_blocks(place):
-    """Return a placement that places every chain block by block, without a leader map."""
-    return replace(place, uses_leader_map=False)
 
 
 def march(scene):
@@ -157,9 +152,9 @@ def test_a_handle_at_a_joint_or_next_to_it_is_where_the_march_puts_it(pieces, jo
     scene = dance(pieces, 'head')
     track = compile_scene(scene).model.track
     joint = 1 + joint % (len(track.segments) - 1)
-    blocks = blocks_of(scene.dragon.link_lengths_m[:handle], AHEAD)
+    links_m = scene.dragon.link_lengths_m[:handle][::-1].tolist()
     try:
-        head = forward(track, blocks, Place(joint, DoubleDouble(track.segments[joint].first, 0.0)), AHEAD).place(-1)
+        head = forward(track, links_m, Place(joint, DoubleDouble(track.segments[joint].first, 0.0)), AHEAD).place(-1)
     except TrackEndError:
         assume(False)
     t_s = track.distance_of(head)[0] + past_m
@@ -169,14 +164,13 @@ def test_a_handle_at_a_joint_or_next_to_it_is_where_the_march_puts_it(pieces, jo
 
 @examples(20)
 @given(st.lists(st.tuples(st.sampled_from([0.05, 0.9, 1.65, 2.0]), st.integers(1, 30)), min_size=1, max_size=5),
-       st.sampled_from([BEHIND, AHEAD]), st.floats(0, 1), st.booleans())
-def test_benches_of_any_mix_are_where_the_march_puts_them(mix, direction, part, in_blocks):
+       st.sampled_from([BEHIND, AHEAD]), st.floats(0, 1))
+def test_benches_of_any_mix_are_where_the_march_puts_them(mix, direction, part):
     links = np.repeat(*map(np.array, zip(*mix, strict=True)))
     assume(links.sum() > 0)
     track, low, high = track_of(STurn()), -links.sum() * 1.3 - 5, 60.0
     metres = high * part if direction == BEHIND else low + part * (high - links.sum() - low)
     place = placement(track, links, direction)
-    place = by_blocks(place) if in_blocks else place
     leader = track.place_at(metres)
     one, other = place.place(leader), marched(track, links, leader, direction)
     many = place.place_many(track.places_at(np.array([metres]), np.zeros(1)))
@@ -184,15 +178,14 @@ def test_benches_of_any_mix_are_where_the_march_puts_them(mix, direction, part, 
         np.testing.assert_allclose(p, other.p, rtol=0, atol=3e-13)
         np.testing.assert_allclose(v, other.velocities(1.5), rtol=0, atol=1e-12)
     if metres not in track.joints_m:        # at a joint the first link is marched, and in a batch all links are
-        assert one.solver == ('table' if place.maps or place.leader_map else 'march')
-        assert many.solver == ('table' if place.maps else 'march')
+        assert one.solver == many.solver == ('table' if place.maps else 'march')
 
 
 @examples(50)
 @given(st.floats(0, 380))
 def test_behind_a_head_on_one_spiral_blocks_are_where_the_march_is(gone_m):
     track, links = spiral_track(Spiral(), 0.0), np.array([2.86, 2.0] + [1.65] * 40 + [1.2] + [0.8] * 40)
-    place, head = by_blocks(placement(track, links, BEHIND)), track.place_at(gone_m)
+    place, head = placement(track, links, BEHIND), track.place_at(gone_m)
     one, other = place.place(head), marched(track, links, head, BEHIND)
     assert [len(shift.tiles) for shift in place.maps.values()] == [1, 1]
     np.testing.assert_allclose(one.p, other.p, rtol=0, atol=3e-13)
@@ -203,17 +196,17 @@ def test_behind_a_head_on_one_spiral_blocks_are_where_the_march_is(gone_m):
 def test_a_scene_of_mixed_benches_has_a_shift_map_for_each_long_block(speed):
     mix = Mixed((Group(3.41), Group(2.55), Group(2.2, 30), Group(1.75, 28)))
     scene = Scene(dragon=mix, head=Head(speed), run=Run(0, 400))
-    assert [(block.start, block.stop, bool(shift)) for block, shift in compile_scene(scene).model.placement.blocks] == [
-        (0, 1, False), (1, 2, False), (2, 32, True), (32, 60, True)]
+    assert [(run.start, run.stop, bool(run.shift)) for run in compile_scene(scene).model.placement.runs] == [
+        (0, 2, False), (2, 32, True), (32, 60, True)]
     for t_s in (0.0, 200.0, 400.0):
         assert agree(scene, t_s) == 'table'
 
 
-def test_close_to_the_centre_a_mix_is_marched_until_its_table_begins():
+def test_close_to_the_centre_a_mix_without_a_table_is_marched():
     track, links = spiral_track(Spiral(), 0.0), np.array([0.5] + [1.65] * 40)
     place, head = placement(track, links, BEHIND), Place(0, DoubleDouble(13.0, 0.0))
     chain, other = place.place(head), marched(track, links, head, BEHIND)
-    assert chain.solver == 'table+march'
+    assert chain.solver == 'march'
     np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=3e-13)
     np.testing.assert_allclose(chain.velocities(1.0), other.velocities(1.0), rtol=0, atol=1e-12)
     assert place.place(Place(0, DoubleDouble(2000.0, 0.0))).solver == 'table'
@@ -237,16 +230,10 @@ def test_beyond_its_run_a_dance_is_served_by_tiles_as_within_it():
     np.testing.assert_allclose(states(short, [50.0, 90.0]).p[1], state(short, 90.0).p, rtol=0, atol=1e-13)
 
 
-@pytest.mark.parametrize(('in_blocks', 'solvers'), [(True, {'table', 'table+march'}), (False, {'table'})])
-def test_where_a_track_begins_the_last_links_are_marched_and_said_to_be_unless_there_is_a_leader_map(in_blocks,
-                                                                                                    solvers):
+def test_where_a_track_begins_the_last_links_are_marched_and_said_to_be():
     scene = Scene(dragon=SHORT, track=Composite((SpiralArc(1.0, 2.0, 8.0), Line(5.0)), start_m=60.0), head=Head(-1.0))
-    scene = replace(scene, dragon=replace(SHORT, width_m=0.31 if in_blocks else 0.3))     # each has its own model
-    simulation = compile_scene(scene)
-    if in_blocks:
-        vars(simulation.model)['placement'] = by_blocks(simulation.model.placement)
-    seen = {agree(scene, t_s) for t_s in np.linspace(0.0, simulation.end.t_s, 30).tolist()}
-    assert seen == solvers
+    seen = {agree(scene, t_s) for t_s in np.linspace(0.0, compile_scene(scene).end.t_s, 30).tolist()}
+    assert seen == {'table', 'table+march'}
 
 
 def test_links_that_have_no_length_or_are_too_many_have_no_table():
@@ -296,7 +283,7 @@ def test_behind_a_tail_more_handles_than_one_product_takes_join_without_a_seam_t
     mix = Mixed((Group(2.2, 1000), Group(3.41)))
     long = Scene(mix, STurn(before_m=50.0), Head(1.0, 'tail'), Run(0, 20))
     chain, other = state(long, 10.0), state(march(long), 10.0)
-    assert (chain.parts[0].start, chain.parts[0].links) == (0, 1001)
+    assert [(part.start, part.links) for part in chain.parts] == [(0, 1), (1, 1000)]
     np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=1e-11)
 
 

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from properties import examples, thinned
 
 from dragon_ros.core.batches import states
-from dragon_ros.core.chain.chain import marched
+from dragon_ros.core.chain.chain import MarchedLink, marched
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.forward import Block, forward_many, placed
 from dragon_ros.core.chain.head_law import Head
@@ -23,8 +23,7 @@ from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.shift_map import build
 from dragon_ros.core.shift_map.blocks import Placement, TabulatedLinks, TabulatedStates, lengths_with_maps
-from dragon_ros.core.shift_map.lead_in import towards_leader
-from dragon_ros.core.shift_map.table import Entrance, ShiftMap
+from dragon_ros.core.shift_map.table import ShiftMap, Tile
 from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.segments import BEHIND
@@ -34,7 +33,8 @@ from hard_cases import hard_cases
 
 CLASSIC, MARCHED = Scene(), Scene(solver='march')
 LONG = ('most-benches', 'longest-chain')
-MARCHED_CASES = {'centre', 'mixed-lock', 'far-corner'}  # six links, next to a lock, an arc of 10,000 km
+# Six links, next to a lock, an arc of 10,000 km, and a leader between two cells.
+MARCHED_CASES = {'centre', 'mixed-lock', 'far-corner', 'smallest-link-far-out'}
 
 
 def tiles(scene):
@@ -210,17 +210,14 @@ def test_far_out_fewer_terms_are_summed_and_no_digit_is_lost():
 
 def kept(scene):
     """Return how many cells, with their series, are cached for single states of a scene."""
-    return sum(len(entrance._cells) for shift in compile_scene(scene).model.placement.maps.values()
-               for tile in shift.tiles for entrance in (tile.entrance, *filter(None, tile.entrances.values())))
+    return sum(len(tile._cells) for shift in compile_scene(scene).model.placement.maps.values() for tile in shift.tiles)
 
 
 @pytest.mark.parametrize('dragon', [Dragon(60), pytest.param(
     Mixed((Group(3.41), Group(2.2, 12), Group(2.5, 12))), marks=pytest.mark.long)], ids=['classic', 'mixed'])
 def test_a_run_of_any_length_keeps_the_series_of_a_few_cells(dragon):
-    """The run of 3 km covers several tiles and many stretches; in a soak test, sim's memory once grew by 45 kB/s."""
+    """The run of 3 km covers several tiles; in a soak test, sim's memory once grew by 45 kB/s."""
     scene = Scene(dragon=dragon, track=Spiral(0.55, 750.0), run=Run(0.0, 3000.0, 1.0))
-    model = compile_scene(scene).model
-    vars(model)['placement'] = replace(model.placement, uses_leader_map=False)      # its cells need no copies
     first = tick(scene, 0).chain.p.tobytes()
     most = 0
     for k in range(0, 3000, 4):
@@ -231,7 +228,7 @@ def test_a_run_of_any_length_keeps_the_series_of_a_few_cells(dragon):
 
 
 @pytest.mark.parametrize('name', ['wiggle', 'spirals', 'after-a-long-way', 'mixed-by-the-tail'])
-def test_many_places_are_on_the_stretches_where_each_is_to_the_last_bit(name):
+def test_many_places_are_on_the_sections_where_each_is_to_the_last_bit(name):
     scene = next(case.scene for case in hard_cases() if case.name == name)
     model = compile_scene(scene).model
     low_m, high_m = compile_scene(scene).span_m
@@ -244,25 +241,23 @@ def test_many_places_are_on_the_stretches_where_each_is_to_the_last_bit(name):
         segment, u, lo = (np.array(values) for values in zip(*((k, *u) for k, u in places), strict=True))
         assert begins
         assert shift._numbers((segment, u, lo)).tolist() == [shift._number(place) for place in places]
-        for place in places:        # each place lies within its stretch
+        for place in places:        # each place lies within its section
             number = shift._number(place)
-            assert not shift._is_behind(place, number, 0.0)
-            assert shift._is_behind(place, number + 1, 0.0)
+            assert not shift._is_behind(place, number)
+            assert shift._is_behind(place, number + 1)
 
 
 @pytest.mark.parametrize('error', [IndexError, KeyError, AttributeError])
-@pytest.mark.parametrize('benches', [223, 8], ids=['leader before its block', 'leader in a row'])
-def test_a_mistake_in_looking_up_a_cell_is_not_taken_for_a_place_without_a_table(monkeypatch, error, benches):
+def test_a_mistake_in_looking_up_a_cell_is_not_taken_for_a_place_without_a_table(monkeypatch, error):
     def mistaken(self, number):
         raise error('planted')
-    dragon = Dragon(benches) if benches > 8 else Dragon(benches, 2.2)
-    model = compile_scene(Scene(dragon=dragon)).model
+    model = compile_scene(Scene(dragon=Dragon(8, 2.2))).model
     placement = Placement(model.track, model.links_m, model.direction, {
-        link_m: ShiftMap(model.track, link_m, benches, model.direction)
+        link_m: ShiftMap(model.track, link_m, 8, model.direction)
         for link_m in lengths_with_maps(model.links_m)})
     assert 'table' in placement.place(model.leader.place((0.0, 0.0))).solver
-    monkeypatch.setattr(Entrance, '_cell', mistaken)
-    with pytest.raises(error, match='planted'):     # the leader is on the same stretch, in another cell
+    monkeypatch.setattr(Tile, '_cell', mistaken)
+    with pytest.raises(error, match='planted'):     # the leader is on the same section, in another cell
         placement.place(model.leader.place((3.0, 0.0)))
 
 
@@ -323,7 +318,7 @@ def street(pieces, turns_deg, seed):
 def test_series_that_rounding_ends_a_little_early_have_a_table_that_keeps_the_promise():
     simulation = compile_scene(street(120, (30, 60), 2))
     chain, other = simulation.model.place((3.0, 0.0)), simulation.model.march((3.0, 0.0))
-    assert [type(part) for part in chain.parts] == [TabulatedLinks]
+    assert [type(part) for part in chain.parts] == [MarchedLink, TabulatedLinks]
     np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=0.1 * simulation.promise_m)
     np.testing.assert_allclose(chain.velocities(1.0), other.velocities(1.0), rtol=0, atol=0.1 * simulation.promise_m)
 
@@ -331,7 +326,7 @@ def test_series_that_rounding_ends_a_little_early_have_a_table_that_keeps_the_pr
 def test_series_that_rounding_ends_far_too_early_have_no_table():
     model = compile_scene(street(40, (50, 80), 1)).model
     shift = ShiftMap(model.track, 1.65, 222, model.direction)
-    assert shift._tile(shift._number(model.leader.place((3.0, 0.0)), 2.86) // shift._stretches, 0) is None
+    assert shift._tile(shift._number(model.leader.place((3.0, 0.0))), 0) is None
 
 
 @pytest.mark.parametrize('pieces', [
@@ -381,7 +376,7 @@ def test_on_a_street_of_many_pieces_chains_are_where_the_march_puts_them(name):
     solvers = set()
     for leader in travelled(STREETS[name], np.linspace(0.5, 4.5, 31).tolist()):
         chain, other = place.place(leader), marched(place.track, place.links_m, leader, place.direction)
-        solvers.add(type(chain.parts[0]))
+        solvers |= {type(part) for part in chain.parts if part.links > 1}
         np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=0.1 * promise_m)
         np.testing.assert_allclose(chain.velocities(1.0), other.velocities(1.0), rtol=0, atol=0.1 * promise_m)
     assert solvers == {TabulatedLinks}
@@ -414,7 +409,6 @@ def test_on_a_street_places_have_the_same_bits_whatever_tables_exist(name, monke
         assert len(shift.tiles) == 1
 
 
-@pytest.mark.long       # by default, the same is tested of leader maps, and of tables in any order
 def test_on_a_street_places_have_the_same_bits_while_another_thread_builds_tables():
     leaders = travelled(STREETS['head'], np.linspace(0.5, 4.5, 40).tolist())
     _, place, _ = laid_out(STREETS['head'])
@@ -432,14 +426,12 @@ def test_next_to_the_beginning_of_a_group_a_leader_is_in_one_group_and_chains_ar
     model, place, shift = laid_out(STREETS[name])
     leader, = travelled(STREETS[name], [2.0])
     place.place(leader)
-    link_m = place._lead[0] if place._lead else 0.0
     layout = shift.tiles[0].layout
-    groups, promise_m = layout.groups(link_m), compile_scene(STREETS[name]).promise_m
-    begins = [(towards_leader(model.track, begin, link_m, model.direction) if link_m else begin, group)
-              for begin, group in layout.span.begins()]
+    groups, promise_m = layout.groups, compile_scene(STREETS[name]).promise_m
+    begins = layout.span.begins()
     here_m, compared = model.track.about_m(leader), 0
     for begin, group in begins:
-        if not begin or abs(model.track.about_m(begin) - here_m) > 2.0:
+        if abs(model.track.about_m(begin) - here_m) > 2.0:
             continue
         for past_m in (-1e-6, 1e-6):
             one = model.track.place_at(model.track.distance_of(begin)[0] + past_m)

@@ -178,17 +178,17 @@ def test_inwards_a_bad_first_guess_leads_to_the_same_place_in_few_more_steps(the
 
 def test_inwards_links_behind_the_third_are_predicted_so_well_that_they_take_one_step():
     segment, count = track_of(Spiral(0.55, 16.0), AHEAD).segments[0], 100
-    highs, _, evaluations = segment._march_in(DoubleDouble(200.0, 0.0), (count, 1.65), segment.last)
+    highs, _, evaluations = segment.march(DoubleDouble(200.0, 0.0), [1.65] * count, AHEAD, segment.last)
     assert len(highs) == count
     assert evaluations <= count + 10
 
 
 def test_a_march_ends_with_the_first_handle_beyond_its_edge():
     out, winds_in = (track_of(Spiral(0.55, 16.0), direction).segments[0] for direction in (BEHIND, AHEAD))
-    begin, links = DoubleDouble(130.0, 0.0), (100, 1.65)
-    highs, _, evaluations = out._march_out(begin, links, 130.5)
+    begin, links_m = DoubleDouble(130.0, 0.0), [1.65] * 100
+    highs, _, evaluations = out.march(begin, links_m, BEHIND, 130.5)
     assert len(highs) == 3
     assert evaluations <= 8
-    highs, _, evaluations = winds_in._march_in(begin, links, 129.5)
+    highs, _, evaluations = winds_in.march(begin, links_m, AHEAD, 129.5)
     assert len(highs) == 3
     assert evaluations <= 8
