@@ -41,7 +41,7 @@ const WORDS = {
   least_gap: ['{gap} mm at {t} s, the smallest of {times} samples', '{t} s 时为 {gap} mm（取自 {times} 个时刻）'],
   none_faster: ['no handle is faster than the leader', '没有比领头把手更快的把手'],
   fastest: ['handle {handle}: {ratio} times as fast as the leader, with the leader {along} m along the track', '第 {handle} 号把手：为领头把手速度的 {ratio} 倍，此时领头把手位于轨迹 {along} m 处'],
-  least_pitch: ['{pitch} m, to wind in to a circle {circle} m in diameter', '{pitch} m，可盘入直径 {circle} m 的圆'],
+  least_pitch: ['{pitch} m: no contact on the way in to a circle {circle} m in diameter; just below, benches overlap', '{pitch} m：盘入直径 {circle} m 的圆时没有碰撞，再略小则有板凳重叠'],
   no_spiral: ['only for a track that is a single spiral', '仅适用于单条螺线的轨迹'],
   gap_to: ['smallest gap {gap} m, to {name}; required {wanted} m', '最小间隙 {gap} m（到 {name}）；要求 {wanted} m'],
   square: ['a square of {free} m, or of {centred} m about the origin', '边长 {free} m 的正方形；以原点为中心则为 {centred} m'],
