@@ -25,7 +25,7 @@ EXECUTABLES = {
     'inspect': Executable(_COMMANDS, 'summarise, check or repair a bag', 'inspect'),
     'export': Executable(_COMMANDS, 'export a bag as CSV, Parquet or NumPy arrays', 'export'),
     'simulate': Executable(_COMMANDS, 'write the bag of a scene, without ROS and faster than real time', 'simulate'),
-    'plot': Executable('dragon_ros.commands.plot.command',
+    'plot': Executable('dragon_ros.commands.plot',
                        'draw a scene or a bag: dragon, contact, clearance, speeds, animation'),
     'urdf': Executable('dragon_ros.commands.urdf', 'write the dragon of a scene as a URDF robot, without ROS'),
     'view': Executable('dragon_ros.commands.view.command', 'play a scene or a bag in the browser, without ROS'),

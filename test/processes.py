@@ -26,7 +26,9 @@ _ROS = ('rosidl_generator_py', *(f'{name}_msgs.msg' for name in ('geometry', 'na
         'std_srvs.srv', 'type_description_interfaces.msg')
 _FORKS.set_forkserver_preload([
     *(f'dragon_ros.nodes.{name}' for name in ('command_lines', 'sim', 'monitor', 'record', 'replay')), *_ROS,
-    *(f'dragon_ros.commands.{name}' for name in ('simulate', 'inspect', 'export'))])
+    *(f'dragon_ros.commands.{name}' for name in ('simulate', 'inspect', 'export')),
+    *(f'dragon_ros.{name}' for name in ('api.bag', 'bags.check.compare', 'bags.check.summary', 'bags.read.export',
+                                        'bags.write.simulate'))])
 
 
 class Started(subprocess.Popen):

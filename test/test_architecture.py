@@ -26,9 +26,12 @@ BELOW_NODES = ('core', 'version', 'configuration', 'guests', 'scenes', 'messages
 GUESTS = {'dragon_contest': {'numpy', 'openpyxl', 'python_calamine', 'PIL'},
           'dragon_studies': {'numpy', 'scipy', 'yaml', 'pyarrow', 'matplotlib', 'distributed'}}
 ROOMS = {**{room: BELOW_NODES[:rank] for rank, room in enumerate(BELOW_NODES)},
-         'commands': BELOW_NODES, 'nodes': BELOW_NODES, 'cost': BELOW_NODES, 'api': (*BELOW_NODES, 'commands'),
-         'verify': ()}
-STARTS = {'commands': {'verify', 'nodes.read_path'}}     # these modules are started as processes
+         'pictures': BELOW_NODES, 'api': (*BELOW_NODES, 'pictures'), 'commands': (*BELOW_NODES, 'pictures', 'api'),
+         'nodes': BELOW_NODES, 'cost': BELOW_NODES, 'verify': ()}
+# These commands are written on the public API and the parts of command lines, two of them with pictures.
+THIN = {'contact': (), 'demo': ('pictures',), 'design': (), 'export': (), 'inspect': (), 'plot': ('pictures',),
+        'simulate': (), 'table': ()}
+STARTS = {'commands': {'verify', 'nodes.read_path'}, 'scenes': {'verify'}}     # these modules are started as processes
 # The rooms and single modules of the core, and the parts of the core that each may import besides itself.
 VALUES = ('errors', 'checks', 'domain', 'flags', 'words')
 CHAIN = ('errors', 'checks', 'domain', 'numerics', 'tracks', 'chain')
@@ -47,9 +50,10 @@ CORE_ROOMS = {
 OF_SCENE = {'chain': {'commanded', 'dragon', 'head_law'}, 'tracks': {'spec'}}
 LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': set(),
              'scenes': {'numpy', 'yaml', 'shapely', 'pyproj', 'svgelements'}, 'messages': {'numpy'},
-             'bags': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4'},
+             'bags': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4', 'pyarrow'},
              'cli': {'argcomplete', 'matplotlib', 'openpyxl', 'tqdm'},
-             'commands': {'numpy', 'matplotlib', 'PIL', 'tqdm', 'pyarrow', 'openpyxl', 'python_calamine', 'shapely'},
+             'pictures': {'numpy', 'matplotlib', 'PIL', 'shapely'}, 'api': {'numpy', 'matplotlib', 'pandas'},
+             'commands': {'numpy', 'matplotlib', 'tqdm', 'shapely'},
              'verify': {'flint'}, 'cost': {'numpy', 'matplotlib'}}
 # Folders that exist only in a checkout, and the other folders that each of them may import.
 BESIDE = {'hard_cases': {'hard_cases'}, 'benchmarks': {'benchmarks', 'hard_cases'}}
@@ -57,7 +61,7 @@ BESIDE = {'hard_cases': {'hard_cases'}, 'benchmarks': {'benchmarks', 'hard_cases
 
 # The one file that may use private names of other packages, and public names of NamedTuple that look private.
 INTERNALS = PACKAGE / 'nodes/rclpy_internals.py'
-STILL_PRIVATE = {'cli/completion.py': {'_SubParsersAction'}, 'commands/plot/film.py': {'_avif'},
+STILL_PRIVATE = {'cli/completion.py': {'_SubParsersAction'}, 'pictures/film.py': {'_avif'},
                  'cli/pool.py': {'_executor_manager_thread', '_result_queue'}}      # to be removed with their code
 OF_TUPLES = {'_replace', '_fields', '_asdict', '_make', '_field_defaults'}
 
@@ -158,6 +162,16 @@ def test_a_package_beside_it_uses_the_public_api_and_the_parts_of_command_lines_
         assert used <= {*dragon_ros.__all__, '__version__'}, path
 
 
+@pytest.mark.parametrize('command', THIN)
+def test_a_command_is_written_on_the_public_api(command):
+    """It imports ``dragon_ros`` for the public names, and the parts of command lines."""
+    path = PACKAGE / 'commands' / f'{command}.py'
+    rooms = ('cli', 'guests', *THIN[command])
+    for name in imports(path):
+        assert not name.startswith('dragon_ros.') or name.startswith(tuple(f'dragon_ros.{room}' for room in rooms)) or (
+            name in ('dragon_ros.commands.opened', 'dragon_ros.commands.view.page')), f'{path} imports {name}'
+
+
 WITHOUT_GUESTS = """
 import importlib, pkgutil, sys
 import dragon_ros
@@ -236,7 +250,8 @@ def test_a_planted_upward_import_inside_the_core_is_found(tmp_path, room, other)
 @pytest.mark.parametrize(('room', 'other'), [
     ('core', 'scenes.load'), ('scenes', 'messages.cdr'), ('messages', 'bags.read.reader'), ('bags', 'cli.figures'),
     ('cli', 'commands.table'), ('commands', 'nodes.sim'), ('nodes', 'commands.table'),
-    ('cost', 'nodes.sim'), ('verify', 'core.errors'), ('api', 'nodes.sim')])
+    ('cost', 'nodes.sim'), ('verify', 'core.errors'), ('api', 'commands.table'), ('pictures', 'api.bag'),
+    ('bags', 'api.bag')])
 def test_a_planted_upward_import_is_found(tmp_path, room, other):
     assert not_found(tmp_path, other, lambda path: upward(room, path)) == []
 

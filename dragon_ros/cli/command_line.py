@@ -356,7 +356,7 @@ def guarded(name: str, body: Callable[[], int]) -> int:
     except KeyboardInterrupt:
         return FAILED
     except DragonError as error:
-        note(f'{name}: {" ".join(str(error).split())}')
+        note(f'{name}: {" ".join((error.naming_options or str(error)).split())}')
         return BAD_INPUT if isinstance(error, (InputError, ModelEnd)) else FAILED
     except OSError as error:        # a name that the system rejects, for example because it is too long
         if error.filename is None:

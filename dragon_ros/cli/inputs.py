@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dragon_ros.bags.write.lock import lock
     from dragon_ros.configuration import folder as configuration_folder
+    from dragon_ros.core.batches import COLUMNS
     from dragon_ros.core.checks import choice, number, settle, whole
     from dragon_ros.core.domain import COORDINATE, PITCH, SPEED
     from dragon_ros.core.errors import (
@@ -29,12 +30,13 @@ if TYPE_CHECKING:
     from dragon_ros.version import __version__
 
 __all__ = [
-    'COORDINATE', 'PITCH', 'SPEED', 'DiskError', 'Document', 'DragonError', 'FieldError', 'Floats', 'InputError',
-    'Ints', 'MissingError', 'Schema', '__version__', 'changed_scene', 'choice', 'configuration_folder', 'counted',
-    'kind_schema', 'lock', 'naming_arguments', 'number', 'parse_document', 'plain_number', 'read_document', 'read_only',
-    'scene_of', 'scene_schema', 'scene_values', 'settle', 'shown', 'versions', 'whole']
+    'COLUMNS', 'COORDINATE', 'PITCH', 'SPEED', 'DiskError', 'Document', 'DragonError', 'FieldError', 'Floats',
+    'InputError', 'Ints', 'MissingError', 'Schema', '__version__', 'changed_scene', 'choice', 'configuration_folder',
+    'counted', 'kind_schema', 'lock', 'naming_arguments', 'number', 'parse_document', 'plain_number', 'read_document',
+    'read_only', 'scene_of', 'scene_schema', 'scene_values', 'settle', 'shown', 'versions', 'whole']
 _FROM = {
     'dragon_ros.bags.write.lock': 'lock',
+    'dragon_ros.core.batches': 'COLUMNS',
     'dragon_ros.core.checks': 'choice number settle whole',
     'dragon_ros.core.domain': 'COORDINATE PITCH SPEED',
     'dragon_ros.core.errors': 'DiskError DragonError FieldError InputError MissingError naming_arguments shown',

@@ -2,24 +2,19 @@
 import argparse
 import json
 import os
+import sys
 import time
 from argparse import Namespace
 from collections.abc import Callable
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import dragon_ros as dr
 from dragon_ros.cli import command_line
+from dragon_ros.cli.inputs import counted, number
 from dragon_ros.cli.progress import Progress
-from dragon_ros.core.checks import number
-from dragon_ros.core.errors import InputError
-from dragon_ros.core.words import counted
-
-if TYPE_CHECKING:       # --verify must not import the solver
-    from dragon_ros.bags.read.frames import Walk
-    from dragon_ros.core.scene import Scene
-    from dragon_ros.core.search.certificate import Contact, NoContact
 
 _COLUMNS = ('t_s', 'inner', 'outer', 'x_m', 'y_m', 'end', 't_end_s', 'obstacle')
 
@@ -52,25 +47,26 @@ def main(argv: list[str]) -> int:
 def _check(arguments: Namespace) -> None:
     """Reject options that would be ignored."""
     if arguments.within is not None:
-        raise InputError('--within: the proof for a family of dragons was removed in 0.4.0; use ./dragon study '
+        raise dr.InputError('--within: the proof for a family of dragons was removed in 0.4.0; use ./dragon study '
                          'tolerances, which answers by samples with a stated confidence')
     if arguments.verify is not None:
         if arguments.output is not None and arguments.format != 'text':
-            raise InputError(f'--output {arguments.output}: --verify writes only text; give a name that ends in .txt')
+            raise dr.InputError(f'--output {arguments.output}: --verify writes only text; give a name that ends in '
+                                '.txt')
         given = {f'--{name}': getattr(arguments, name.replace('-', '_')) is not None
                  for name in ('accuracy', 'namespace', 'near-misses', 'certificate')}
         given |= {'--scene': command_line.names_scene(arguments), '--set': bool(arguments.overrides),
                   '--trust': arguments.trust, '--format': arguments.format != 'text', 'BAG': arguments.bag is not None}
         command_line.check_taken('--verify', given, set())
     elif arguments.effort is not None:
-        raise InputError('--effort: it requires --verify; add --verify, or omit --effort')
+        raise dr.InputError('--effort: it requires --verify; add --verify, or omit --effort')
     if arguments.near_misses is not None:
         number('--near-misses', arguments.near_misses, above=0.0)
     if None not in (arguments.certificate, arguments.output) and (
             os.path.realpath(arguments.certificate) == os.path.realpath(arguments.output)):
-        raise InputError(f'--output {arguments.output}: the certificate is written to this file; give another file')
+        raise dr.InputError(f'--output {arguments.output}: the certificate is written to this file; give another file')
     if arguments.near_misses is not None and arguments.format == 'csv':
-        raise InputError('--near-misses: --format csv contains only the contact; use text or json')
+        raise dr.InputError('--near-misses: --format csv contains only the contact; use text or json')
 
 
 def _run(arguments: Namespace) -> int:
@@ -78,81 +74,65 @@ def _run(arguments: Namespace) -> int:
     if arguments.verify is not None:
         return _verify(arguments.verify, arguments.effort, arguments.output)
     command_line.check_keeps('--certificate', arguments.certificate, arguments.bag, arguments.scene)
-    scene, walk = _scene_of(arguments)
-    touch = _obstacle_touch(arguments)
-    from dragon_ros.core.search.first_contact import first_contact
-    start = time.perf_counter()
+    scene, lack, touch = _scene_of(arguments)
+    run, start = dr.compile(scene), time.perf_counter()
     with Progress('contact', 'states') as bar:
-        found = first_contact(scene, bar.update)
+        found = run.contact(progress=bar.update)
     values = values_of(found)
-    lack = walk.lack if walk and values['t_s'] is None else ''
-    if walk and lack:
-        values |= {'certified': False, 'examined_s': walk.examined_s, 'recorded_s': walk.recorded_s,
-                   'unsearched': lack}
+    if values['t_s'] is None and lack:
+        values |= {'certified': False, **lack}
     if touch is not None:
         values['recorded_obstacles'] = touch
     values['stats'] = {'elapsed_s': time.perf_counter() - start, 'states': found.states}
     if arguments.near_misses is not None:
-        from dragon_ros.core.search.near_misses import near_misses
         with Progress('near misses', 'states') as bar:
-            near = near_misses(scene, found, arguments.near_misses, bar.update)
+            near = run.near_misses(arguments.near_misses, contact=found, progress=bar.update)
         values['near_misses'] = [{'bench': miss.bench, 'benches': list(miss.benches), 'obstacle': miss.obstacle,
                                   't_s': miss.t_s, 'gap_m': miss.gap_m} for miss in near.nearest]
         values |= {'near_misses_count': near.count, 'near_misses_are': 'sampled and refined'}
-    if arguments.certificate and lack:
-        command_line.note(f'contact: no certificate is written: {lack}')
+    if arguments.certificate and 'unsearched' in values:
+        command_line.note(f'contact: no certificate is written: {values["unsearched"]}')
     elif arguments.certificate:
-        from dragon_ros.scenes import certificate
-        command_line.write_output(arguments.certificate, json.dumps(certificate.as_values(scene, found)),
-                                  '--certificate')
-    command_line.write_output(arguments.output, _FORMATS[arguments.format](values))
-    return command_line.INCOMPLETE if lack else command_line.OK
+        command_line.write_output(arguments.certificate, json.dumps(run.certificate(found)), '--certificate')
+    command_line.write_output(arguments.output, _FORMATS[arguments.format](values, found))
+    return command_line.INCOMPLETE if 'unsearched' in values else command_line.OK
 
 
-def _scene_of(arguments: Namespace) -> 'tuple[Scene, Walk | None]':
-    """Return the scene to search, from the options or from a bag, and the walk in the bag."""
+def _scene_of(arguments: Namespace) -> 'tuple[dr.Scene, dict[str, Any], dict[str, Any] | None]':
+    """Return the scene to search, what a bag lacks for a complete search, and a recorded contact with obstacles."""
     if not arguments.bag:
         if arguments.namespace is not None or arguments.trust:
             option = '--trust' if arguments.trust else '--namespace'
-            raise InputError(f'{option}: it requires a BAG; omit {option} for a scene')
-        return command_line.scene_from(arguments), None
+            raise dr.InputError(f'{option}: it requires a BAG; omit {option} for a scene')
+        return command_line.scene_from(arguments), {}, None
     if command_line.gives_scene(arguments):
-        raise InputError('BAG: a bag contains its own scene; omit --scene, --set and --accuracy')
-    from dragon_ros.bags.read.frames import namespace_of, scene_of_bag, walk_in
-    from dragon_ros.bags.read.reader import BagReader
+        raise dr.InputError('BAG: a bag contains its own scene; omit --scene, --set and --accuracy')
     command_line.check_is_bag(arguments.bag)
-    with BagReader(arguments.bag) as bag:
-        namespace = namespace_of(bag, arguments.namespace)
-        scene = scene_of_bag(bag, namespace, arguments.trust)
-        if scene is None:
-            raise InputError(f'{arguments.bag}: it does not contain its scene; record it with dragon_ros, or give '
-                             '--scene')
-        walk = walk_in(bag, scene, namespace)
-        return walk.scene, walk
+    with dr.read_bag(arguments.bag, arguments.namespace, arguments.trust) as bag:
+        walk = bag.walk
+        if walk is None:
+            raise dr.InputError(f'{arguments.bag}: it does not contain its scene; record it with dragon_ros, or give '
+                                '--scene')
+        lack = {'examined_s': walk.examined_s, 'recorded_s': walk.recorded_s, 'unsearched': walk.lack}
+        return walk.scene, lack if walk.lack else {}, _obstacle_touch(bag)
 
 
-def _obstacle_touch(arguments: Namespace) -> dict[str, Any] | None:
+def _obstacle_touch(bag: 'dr.Bag') -> dict[str, Any] | None:
     """Return the first recorded contact with the obstacles that a monitor read from a file or a map.
 
     These obstacles are not in the bag's scene. The result is None if there are none, and has the time None if none of
     them is touched before benches touch each other. A sentence about them goes to standard error.
     """
-    if not arguments.bag:
+    topic = f'{bag.namespace}/collision/obstacles'
+    if not any(row.name == topic and row.messages for row in bag.reader.topics):
         return None
-    from dragon_ros.bags.read.frames import namespace_of
-    from dragon_ros.bags.read.reader import BagReader
-    from dragon_ros.commands.sources import dragon_in
-    with BagReader(arguments.bag) as bag:
-        namespace = namespace_of(bag, arguments.namespace)
-        topic = f'{namespace}/collision/obstacles'
-        if not any(row.name == topic and row.messages for row in bag.topics):
-            return None
-        said = f"contact: the obstacles on {topic} are not in the bag's scene: "
-        try:
-            touch = dragon_in(bag, namespace).first_touch(Progress('obstacles', 'ticks'))
-        except InputError as error:
-            command_line.note(f'{said}not examined, because {error}')
-            return None
+    said = f"contact: the obstacles on {topic} are not in the bag's scene: "
+    try:
+        with Progress('obstacles', 'ticks') as bar:
+            touch = bag.first_touch(bar.update)
+    except dr.InputError as error:
+        command_line.note(f'{said}not examined, because {error}')
+        return None
     if touch is None or touch.obstacle is None:
         command_line.note(f'{said}in the recorded ticks, no bench touches an obstacle'
                           f'{"" if touch is None else f" before benches touch each other at {touch.t_s:.9f} s"}')
@@ -164,28 +144,25 @@ def _obstacle_touch(arguments: Namespace) -> dict[str, Any] | None:
 def _verify(certificate_file: Path, effort: str | None, output: Path | None) -> int:
     """Check a certificate in a process without the solver; progress and errors go to standard error."""
     import subprocess
-
-    from dragon_ros.commands.checker import command
-    done = subprocess.run(command(str(certificate_file), effort), stdout=subprocess.PIPE, text=True,
-                          errors='surrogateescape', check=False)        # the name of the file may not be UTF-8
+    options = [] if effort is None else [f'--effort={effort}']
+    done = subprocess.run([sys.executable, '-m', 'dragon_ros.verify', certificate_file, *options],
+                          stdout=subprocess.PIPE, text=True, errors='surrogateescape',
+                          check=False)      # the name of the file may not be UTF-8
     if done.stdout:
         command_line.write_output(output, done.stdout.rstrip('\n'))
     return done.returncode
 
 
-def values_of(found: 'Contact | NoContact') -> dict[str, Any]:
+def values_of(found: 'dr.Contact | dr.NoContact') -> dict[str, Any]:
     """Return the result as plain values."""
-    from dragon_ros.core.geometry.contacts import OBSTACLE
-    from dragon_ros.core.search.certificate import NoContact
-    if isinstance(found, NoContact):
+    if not found:
         end = found.end
         return {'t_s': None, 'end': end.reason, 't_end_s': end.t_s, 'link': end.link,
                 'certified': found.certificate.complete}
-    seen = found.witness
+    seen, obstacle = found.witness, None
     features: dict[str, Any] = {'bench': seen.owner, 'corner': seen.corner, 'other': seen.other, 'edge': seen.edge}
-    obstacle = None
     if found.obstacle:
-        features |= {key: None for key in ('bench', 'other') if features[key] == OBSTACLE}
+        features |= {key: None for key in ('bench', 'other') if features[key] not in found.benches}
         obstacle = {'name': found.obstacle.name, 'edge_m': [list(end) for end in found.obstacle.edge_m],
                     'corner_m': list(found.obstacle.corner_m) if found.obstacle.corner_m else None}
     return {'t_s': found.t_s, 'benches': list(found.benches), 'obstacle': obstacle, 'point_m': list(found.point_m),
@@ -196,23 +173,19 @@ def values_of(found: 'Contact | NoContact') -> dict[str, Any]:
             'certified': found.certificate.complete}
 
 
-def _text(values: dict[str, Any]) -> str:
+def _text(values: dict[str, Any], found: 'dr.Contact | dr.NoContact') -> str:
     stats = f'{counted(values["stats"]["states"], "state")} in {values["stats"]["elapsed_s"]:.3f} s'
     stats += '' if values['certified'] else ', without a certificate'
-    return f'{_found(values)} ({stats}){_misses(values)}'
+    return f'{_found(values, found)} ({stats}){_misses(values)}'
 
 
-def _found(values: dict[str, Any]) -> str:
-    if values['t_s'] is None:
-        from dragon_ros.core.model import End
-        end = End(values['t_end_s'], values['end'], values['link'])
-        said = values.get('unsearched', f'{end.words} at {end.t_s:.9f} s')
+def _found(values: dict[str, Any], found: 'dr.Contact | dr.NoContact') -> str:
+    if not found:
+        said = values.get('unsearched', f'{found.end.words} at {found.end.t_s:.9f} s')
         return f'no contact; {said}'
     x, y = values['point_m']
-    what = (f'bench {values["benches"][0]} and obstacle {values["obstacle"]["name"]!r}' if values['obstacle'] else
-            f'benches {values["benches"][0]} and {values["benches"][1]}')
     kind = 'grazing, first' if values['grazing_m'] else 'first contact'
-    return f'{kind} at {values["t_s"]:.12g} s: {what}, at ({x:.9f}, {y:.9f}) m'
+    return f'{kind} at {values["t_s"]:.12g} s: {found.between}, at ({x:.9f}, {y:.9f}) m'
 
 
 def _misses(values: dict[str, Any]) -> str:
@@ -232,7 +205,7 @@ def _other(miss: dict[str, Any]) -> str:
     return str(miss['bench']) if miss['obstacle'] is None else f'obstacle {miss["obstacle"]!r}'
 
 
-def _csv(values: dict[str, Any]) -> str:
+def _csv(values: dict[str, Any], _: 'dr.Contact | dr.NoContact') -> str:
     inner, outer = (*values.get('benches', ('', '')), '')[:2]
     x, y = values.get('point_m', ('', ''))
     obstacle = (values.get('obstacle') or {}).get('name')
@@ -240,4 +213,5 @@ def _csv(values: dict[str, Any]) -> str:
     return command_line.csv_of(_COLUMNS, [cells]).rstrip('\n')
 
 
-_FORMATS: dict[str, Callable[[dict[str, Any]], str]] = {'text': _text, 'csv': _csv, 'json': json.dumps}
+_FORMATS: dict[str, Callable[[dict[str, Any], Any], str]] = {
+    'text': _text, 'csv': _csv, 'json': lambda values, _: json.dumps(values)}

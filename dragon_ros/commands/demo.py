@@ -10,21 +10,18 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from importlib.util import find_spec
 from pathlib import Path
-from typing import IO, NoReturn
+from typing import IO, Any, NoReturn
 
 from tqdm import tqdm
 
-from dragon_ros.bags.check.compare import Comparison, compare_with_model
-from dragon_ros.bags.read.reader import BagReader
-from dragon_ros.bags.write.lock import lock
+import dragon_ros as dr
 from dragon_ros.cli import command_line
 from dragon_ros.cli.dds_domain import free_domain, local_environment
 from dragon_ros.cli.figures import save, style
+from dragon_ros.cli.inputs import lock
 from dragon_ros.cli.signals import ending
-from dragon_ros.core.errors import DragonError, MissingError
-from dragon_ros.core.scene import Scene
-from dragon_ros.messages.decode import Status, read_diagnostics
-from dragon_ros.scenes.load import load_scene
+from dragon_ros.pictures.dragon import contact_picture
+from dragon_ros.pictures.sources import SceneSource, Touch, decimals_of, moment, witness_at
 
 SCENE = 'first_contact'
 _READERS = 'handles=2,benches=2,velocities=1'
@@ -56,7 +53,7 @@ def run(arguments: Namespace) -> int:
     """Run the demonstration; return the exit code. A signal ends the demonstration and all its processes."""
     missing = [name for name in ('resource', 'termios', 'rclpy') if find_spec(name) is None]
     if missing:
-        raise MissingError(f'the nodes of the demo need Linux and ROS 2, but {missing[0]} is missing; `view --scene '
+        raise dr.MissingError(f'the nodes of the demo need Linux and ROS 2, but {missing[0]} is missing; `view --scene '
                            f'{SCENE}` shows the same run without them')
     for number in ending():
         signal.signal(number, _end)
@@ -64,7 +61,7 @@ def run(arguments: Namespace) -> int:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise MissingError(f'--output {folder}: it cannot be created: {error.strerror}') from None
+        raise dr.MissingError(f'--output {folder}: it cannot be created: {error.strerror}') from None
     with _alone(folder):
         return _demonstrate(folder, arguments.pace)
 
@@ -76,7 +73,8 @@ def _alone(folder: Path) -> Iterator[None]:
         try:
             lock(file)
         except BlockingIOError:
-            raise MissingError(f'{folder}: another demo is using this folder; wait, or give another --output') from None
+            raise dr.MissingError(f'{folder}: another demo is using this folder; wait, or give another --output'
+                                  ) from None
         yield
 
 
@@ -108,20 +106,18 @@ def _demonstrate(folder: Path, pace: float) -> int:
     return _told(compared, live, again, pictures)
 
 
-def _compared(folder: Path, live: Path) -> tuple[Comparison, list[Path]]:
+def _compared(folder: Path, live: Path) -> tuple[dr.Comparison, list[Path]]:
     """Compare the bag with the model, and draw the contact in the bag."""
-    scene = load_scene(SCENE)
-    with BagReader(live) as bag:
-        comparison, event = compare_with_model(bag, scene), _event(bag)
-    value = event.values
+    with dr.read_bag(live) as bag:
+        comparison, value = bag.check(), _event(bag).values
     pair, point = (int(value['inner']), int(value['outer'])), (float(value['x_m']), float(value['y_m']))
     step_s = float(value['t_after_s']) - float(value['t_before_s'])
-    return comparison, _drawn(scene, float(value['t_contact_s']), pair, point, step_s, folder)
+    return comparison, _drawn(dr.scene(SCENE), float(value['t_contact_s']), pair, point, step_s, folder)
 
 
-def _told(comparison: Comparison, live: Path, again: Path, pictures: list[Path]) -> int:
+def _told(comparison: dr.Comparison, live: Path, again: Path, pictures: list[Path]) -> int:
     """Compare the live bag with the replayed bag, and print all results."""
-    with BagReader(live) as bag, BagReader(again) as replayed:
+    with dr.read_bag(live) as bag, dr.read_bag(again) as replayed:
         event, second = _event(bag), _event(replayed)
         same = _by_topic(bag) == _by_topic(replayed)
     value = event.values
@@ -134,11 +130,9 @@ def _told(comparison: Comparison, live: Path, again: Path, pictures: list[Path])
     return command_line.OK if same and second == event and not comparison.faults else command_line.FAILED
 
 
-def _drawn(scene: Scene, t_s: float, pair: tuple[int, int], point_m: tuple[float, float],
+def _drawn(scene: dr.Scene, t_s: float, pair: tuple[int, int], point_m: tuple[float, float],
            step_s: float, folder: Path) -> list[Path]:
     """Draw the contact that the monitor reported."""
-    from dragon_ros.commands.plot.dragon import contact_picture
-    from dragon_ros.commands.sources import SceneSource, Touch, decimals_of, moment, witness_at
     source = SceneSource(SCENE, scene)
     with style():
         seen = witness_at(moment(source, t_s), pair)
@@ -203,7 +197,7 @@ class _Processes:
                 if process.poll():
                     _finished(process)
             if time.monotonic() > end:
-                raise DragonError(f'the monitor reported no contact; see {self.log.name}')
+                raise dr.DragonError(f'the monitor reported no contact; see {self.log.name}')
             time.sleep(0.05)
 
 
@@ -221,7 +215,7 @@ def _interrupt_if_it_fails(reader: 'subprocess.Popen[str]', sim: 'subprocess.Pop
 
 def _progress_of(sim: 'subprocess.Popen[str]') -> Iterator[float]:
     """Read the simulator's log, show the progress, and yield the time that each line reports."""
-    run = load_scene(SCENE).run
+    run = dr.scene(SCENE).run
     stop_s = run.stop_s or run.start_s
     assert sim.stdout is not None
     with tqdm(total=stop_s - run.start_s, unit='s', disable=None, leave=False, bar_format='{l_bar}{bar}| {n:.1f} of '
@@ -241,23 +235,22 @@ def _finished(process: 'subprocess.Popen[str]') -> None:
     try:
         code = process.wait(timeout=_LONGEST_S)
     except subprocess.TimeoutExpired:
-        raise DragonError(f'{name} did not end within {_LONGEST_S:g} s; see the .log files beside the bag') from None
+        raise dr.DragonError(f'{name} did not end within {_LONGEST_S:g} s; see the .log files beside the bag') from None
     if code:
-        raise DragonError(f'{name} ended with exit code {code}; see the .log files beside the bag')
+        raise dr.DragonError(f'{name} ended with exit code {code}; see the .log files beside the bag')
 
 
-def _by_topic(bag: BagReader) -> dict[str, list[tuple[int, bytes]]]:
+def _by_topic(bag: dr.Bag) -> dict[str, list[tuple[int, bytes]]]:
     """Return the stamped messages of each topic, in order; the order of messages of different topics is undefined."""
     out: dict[str, list[tuple[int, bytes]]] = {}
-    for message in bag.messages([f'/dragon/{name}' for name in _COMPARED]):
+    for message in bag.reader.messages([f'/dragon/{name}' for name in _COMPARED]):
         out.setdefault(message.topic, []).append((message.t_ns, message.data))
     return out
 
 
-def _event(bag: BagReader) -> Status:
+def _event(bag: dr.Bag) -> Any:
     """Return the only contact in a bag. Raises DragonError if there are no contacts or several."""
-    events = [status for message in bag.messages(['/dragon/collision']) for status in read_diagnostics(message.data)
-              if status.values['phase'] == 'begin']
+    events = bag.contact_events()
     if len(events) != 1:
-        raise DragonError(f'{bag.path}: {len(events)} contacts were reported; expected one')
+        raise dr.DragonError(f'{bag.reader.path}: {len(events)} contacts were reported; expected one')
     return events[0]

@@ -4,18 +4,12 @@ from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from functools import partial
 from math import isfinite
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
+import dragon_ros as dr
 from dragon_ros.cli import command_line
+from dragon_ros.cli.inputs import counted, number
 from dragon_ros.cli.progress import Progress
-from dragon_ros.core.checks import number
-from dragon_ros.core.errors import FieldError, InputError
-from dragon_ros.core.words import counted
-
-if TYPE_CHECKING:       # imported lazily, because each question needs only a few modules
-    from dragon_ros.core.scene import Scene
-    from dragon_ros.core.tracks.s_turn import TurnAnswer
-    from dragon_ros.core.tracks.spec import STurn
 
 Values = dict[str, Any]
 _DOES_NOT_FIT = 1        # exit code
@@ -62,49 +56,31 @@ def _turn_options(parser: ArgumentParser) -> None:
 
 def _turn_answer(arguments: Namespace) -> dict[str, Any]:
     """Return the lengths of the scene's turn and of shorter alternatives."""
-    from dragon_ros.core.tracks.composite import least_radius_m
-    from dragon_ros.core.tracks.s_turn import turn_answer
+    from dataclasses import asdict
     scene = command_line.scene_from(arguments)
-    values = _turn_values(turn_answer(_turn_of(scene), least_radius_m(scene.dragon.link_lengths_m)))
-    if arguments.contact and values['smallest_diameter_m']:
-        values['contact_there_m'] = _contact_m(scene, values['smallest_diameter_m'])
+    found = dr.design.turn(scene)
+    bent = found.with_line
+    values = {**asdict(found), 'radii_m': list(found.radii_m), 'shortened_by_ratio': False,
+              'largest_ratio': found.largest_ratio if isfinite(found.largest_ratio) else None,
+              'with_line': asdict(bent) | {'length_m': bent.length_m} if bent else None}
+    if arguments.contact and found.smallest_diameter_m:
+        values['contact_there_m'] = _contact_m(scene, found.smallest_diameter_m)
     return values
 
 
-def _contact_m(scene: 'Scene', diameter_m: float) -> float | None:
+def _contact_m(scene: 'dr.Scene', diameter_m: float) -> float | None:
     """Return the head's distance (m) from the smallest turn's entry at the first contact, or None if there is none.
 
     The search covers the run from the head's entry until the whole dragon has left the turn.
     """
     from dataclasses import replace
-
-    from dragon_ros.core.chain.head_law import Head
-    from dragon_ros.core.model import compile_scene
-    from dragon_ros.core.scene import Run
-    from dragon_ros.core.search.certificate import Contact
-    from dragon_ros.core.search.first_contact import first_contact
-    from dragon_ros.core.tracks.spec import STurn
-    turn = STurn(_turn_of(scene).pitch_m, diameter_m * (1 + 1e-9), 1.0)
-    run = Run(0.0, 2 * (turn.length_m + compile_scene(scene).model.length_m))
+    assert isinstance(scene.track, dr.STurn)
+    turn = dr.STurn(scene.track.pitch_m, diameter_m * (1 + 1e-9), 1.0)
+    run = dr.Run(0.0, 2 * (turn.length_m + float(scene.dragon.link_lengths_m.sum())))
+    walk = replace(scene, track=turn, head=dr.scene('turning').head, run=run, venue=None)
     with Progress('turn', 'states') as bar:
-        found = first_contact(replace(scene, track=turn, head=Head(), run=run, venue=None), bar.update)
-    return found.t_s if isinstance(found, Contact) else None
-
-
-def _turn_of(scene: 'Scene') -> 'STurn':
-    from dragon_ros.core.tracks.spec import STurn
-    if isinstance(scene.track, STurn):
-        return scene.track
-    raise InputError('--scene: its track has no S-turn; give a scene whose track.kind is turn', field='track.kind')
-
-
-def _turn_values(found: 'TurnAnswer') -> dict[str, Any]:
-    """Return the answer as plain values."""
-    from dataclasses import asdict
-    bent = found.with_line
-    return {**asdict(found), 'radii_m': list(found.radii_m), 'shortened_by_ratio': False,
-            'largest_ratio': found.largest_ratio if isfinite(found.largest_ratio) else None,
-            'with_line': asdict(bent) | {'length_m': bent.length_m} if bent else None}
+        found = dr.compile(walk).contact(progress=bar.update)
+    return found.t_s if found else None
 
 
 def _turn_text(values: dict[str, Any]) -> str:
@@ -150,12 +126,11 @@ def _max_speed_answer(arguments: Namespace) -> dict[str, Any]:
     """Return the largest leader speed (profiles are scaled), and the handle that reaches the limit and its position."""
     from dataclasses import asdict
 
-    from dragon_ros.core.domain import SPEED
-    from dragon_ros.core.search.max_speed import max_speed
+    from dragon_ros.cli.inputs import SPEED
     limit = number('--limit', arguments.limit, above=0.0, high=SPEED.high)
     scene = command_line.scene_from(arguments)
     with Progress('max-speed', 'positions') as bar:
-        found = max_speed(scene, bar.update)
+        found = dr.design.max_speed(scene, progress=bar.update)
     speed, uncertainty = found.leader_m_s(limit)
     return {'speed_m_s': speed, 'uncertainty_m_s': uncertainty, 'limit_m_s': limit, **asdict(found)}
 
@@ -190,18 +165,16 @@ def _min_pitch_options(parser: ArgumentParser) -> None:
 def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
     """Return the bracket around the smallest pitch, for the scene's dragon and the scene's track.start_turns."""
     from dataclasses import asdict
-
-    from dragon_ros.core.search.min_pitch import min_pitch
     scene = command_line.scene_from(arguments)
     if scene.venue is not None:
-        raise InputError('venue: min-pitch does not take obstacles into account; omit the venue (--set venue=null)')
+        raise dr.InputError('venue: min-pitch does not take obstacles into account; omit the venue (--set venue=null)')
     with Progress('min-pitch', 'states') as bar:
         try:
-            found = min_pitch(scene.dragon, arguments.diameter, scene.spiral.start_turns, arguments.largest,
-                              arguments.within, bar.update, arguments.smallest)
-        except FieldError as error:
+            found = dr.design.min_pitch(scene, diameter_m=arguments.diameter, largest_m=arguments.largest,
+                                        within_m=arguments.within, smallest_m=arguments.smallest, progress=bar.update)
+        except dr.FieldError as error:
             known = error.fields
-            raise FieldError(_PITCH_OPTIONS.get(known['field'], known['field']), known['value'], known['limit'],
+            raise dr.FieldError(_PITCH_OPTIONS.get(known['field'], known['field']), known['value'], known['limit'],
                              known['cure']) from None
     return asdict(found)
 
@@ -229,40 +202,31 @@ def _fit_options(parser: ArgumentParser) -> None:
 def _fit_answer(arguments: Namespace) -> dict[str, Any]:
     """Return the smallest squares, the bench that touches the centred square, and whether the given square suffices."""
     from dataclasses import asdict
-
-    from dragon_ros.core.search.bounding_box import bounding_box, fits
     scene = command_line.scene_from(arguments)
     if scene.venue is not None:
         return _venue_answer(scene, arguments)
     side = None if arguments.square is None else number('--square', arguments.square, above=0.0)
     with Progress('fit', 'looks') as bar:
-        found = bounding_box(scene, progress=bar.update)
+        found: Any = dr.design.fit(scene, progress=bar.update)
     return {'centred_m': found.centred_m, 'free_m': found.free_m, 'touching': asdict(found.touching),
             'reaches': [asdict(reach) for reach in found.reaches], 'looks': found.looks, 'square_m': side,
-            'fits_centred': side and fits(found.centred_m, side), 'fits_free': side and fits(found.free_m, side)}
+            'fits_centred': side and found.fits_centred(side), 'fits_free': side and found.fits_free(side)}
 
 
-def _venue_answer(scene: 'Scene', arguments: Namespace) -> dict[str, Any]:
+def _venue_answer(scene: 'dr.Scene', arguments: Namespace) -> dict[str, Any]:
     """Return the smallest gap to each obstacle of a scene's venue, and whether all gaps are large enough."""
     from dataclasses import asdict
-
-    from dragon_ros.core.search.venue_fit import venue_fit
     if arguments.square is not None:
-        raise InputError('--square: it is not available for a scene with a venue; omit it, or the venue (--set '
-                         'venue=null)')
+        raise dr.InputError('--square: it is not available for a scene with a venue; omit it, or the venue (--set '
+                            'venue=null)')
     with Progress('fit', 'looks') as bar:
-        found = venue_fit(scene, progress=bar.update)
-    return {'venue': [asdict(one) for one in found.gaps], 'room': _room(scene), 'margin_m': found.margin_m,
-            'lacking': [one.name for one in found.lacking], 'fits': found.fits, 'looks': found.looks}
-
-
-def _room(scene: 'Scene') -> Values:
-    """Return how far benches reach to the left and right of the track at every metre; values are sampled, unproved."""
-    from dragon_ros.core.search.swept_area import room_every_metre, swept_area
-    swept = swept_area(scene)
-    at, room = room_every_metre(scene, swept)
-    return {'sampled_m': swept.step_m, 'at_m': at.tolist(), 'left_m': room[:, 0].tolist(),
-            'right_m': room[:, 1].tolist()}
+        found: Any = dr.design.fit(scene, progress=bar.update)
+    room = dr.design.room(scene)
+    return {'venue': [asdict(one) for one in found.gaps],
+            'room': {'sampled_m': room.sampled_m, 'at_m': room.at_m.tolist(), 'left_m': room.left_m.tolist(),
+                     'right_m': room.right_m.tolist()},
+            'margin_m': found.margin_m, 'lacking': [one.name for one in found.lacking], 'fits': found.fits,
+            'looks': found.looks}
 
 
 def _room_text(room: Values) -> list[str]:

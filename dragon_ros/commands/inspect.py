@@ -2,37 +2,16 @@
 import json
 from argparse import Namespace
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from dragon_ros.bags.check.examine import Contents, examine, gaps_of
-from dragon_ros.bags.read.folder import files_of
-from dragon_ros.bags.read.frames import (
-    ends_in_contact,
-    frame_of_bag,
-    log_times_are_ticks,
-    namespace_of,
-    scene_of_bag,
-    walk_in,
-)
-from dragon_ros.bags.read.mcap import BagError
-from dragon_ros.bags.read.reader import BagReader
+import dragon_ros as dr
 from dragon_ros.cli import command_line
-from dragon_ros.cli.pool import Pool
+from dragon_ros.cli.inputs import counted, scene_values
+from dragon_ros.cli.pool import workers_of
 from dragon_ros.cli.progress import Progress
-from dragon_ros.commands.contacts_in_bag import clearance_in, end_in_contact, first_contact_in
-from dragon_ros.core.errors import DragonError, InputError
-from dragon_ros.core.model import compile_scene
-from dragon_ros.core.scene import NS
-from dragon_ros.core.words import counted
-from dragon_ros.messages.channels import channel_of
-from dragon_ros.scenes.load import scene_values
-from dragon_ros.scenes.provenance import RECORD
-
-if TYPE_CHECKING:       # modules for checking and repairing are imported lazily
-    from dragon_ros.bags.check.compare import Comparison
 
 _SHOWN = 20     # largest number of faults shown
 _STEPS = 8      # number of clearance values over time that are shown
@@ -47,10 +26,11 @@ def run(arguments: Namespace) -> int:
     given = {'--check': arguments.check, '--trust': arguments.trust, '--looks': arguments.looks is not None,
              '--namespace': arguments.namespace is not None, '--workers': arguments.workers is not None}
     command_line.check_taken(what, given, _TAKES[what])
+    workers_of(arguments.workers)       # checks the option before the bag is read
     if arguments.looks is None:
         arguments.looks = _LOOKS
     if arguments.looks < 0:
-        raise InputError(f'--looks {arguments.looks}: give 0 (all ticks) or more', field='looks')
+        raise dr.InputError(f'--looks {arguments.looks}: give 0 (all ticks) or more', field='looks')
     body = {'--repair': _repair, '--check': _check, 'a summary': _inspect}[what]
     values, code = body(arguments)
     text = json.dumps(values) if arguments.format == 'json' else _TEXT[body](values)
@@ -59,106 +39,64 @@ def run(arguments: Namespace) -> int:
 
 
 def _inspect(arguments: Namespace) -> tuple[dict[str, Any], int]:
-    contents = _examined(arguments.bag)
-    if arguments.namespace is not None:
-        with BagReader(arguments.bag, bool(contents.problems.count)) as bag:
-            namespace_of(bag, arguments.namespace)
+    with ExitStack() as stack:
+        bars = {'bytes': _progress('read', arguments.bag), 'states': Progress('contact', 'states'),
+                'ticks': Progress('clearance', 'ticks', arguments.looks or None)}
+        for bar in bars.values():
+            stack.enter_context(bar)
+        found = dr.inspect_bag(arguments.bag, arguments.namespace, arguments.trust, looks=arguments.looks,
+                               progress=lambda what, more: bars[what].update(more))
+    contact = None if found.first_contact is None else {
+        key: value for key, value in asdict(found.first_contact).items()
+        if key in ('source', 't_s') or value not in (None, ())}
+    contents = found.contents
     values: dict[str, Any] = {
         'bag': str(arguments.bag), 'files': [path.name for path in contents.files], 'bytes': contents.size,
         'written_by': contents.writers, 'chunks': contents.compressions, 'problems': contents.problems.lines,
-        'problem_count': contents.problems.count, 'notes': contents.notes.lines, 'about': {}, 'scene': None}
-    try:
-        values.update(_dragon(arguments))
-    except DragonError as error:
-        values['unread'] = str(error)
-        if isinstance(error, BagError):
-            with suppress(DragonError):
-                values.update(_dragon(arguments, damaged=True))
-    values['topics'] = _topics(contents, values.pop('run', None))
-    if contents.problems.count:
-        return values, command_line.FAILED
-    is_partial = 'unread' in values or 'unsearched' in values.get('first_contact', ())
-    return values, command_line.INCOMPLETE if is_partial else command_line.OK
-
-
-def _examined(path: Path) -> Contents:
-    with _progress('read', path) as bar:
-        return examine(path, bar.update)
+        'problem_count': contents.problems.count, 'notes': contents.notes.lines, 'about': found.about,
+        'scene': scene_values(found.scene) if found.scene else None}
+    values |= {key: value for key, value in (
+        ('start_s', found.start_s), ('end_s', found.end_s), ('namespace', found.namespace), ('first_contact', contact),
+        ('clearance', found.clearance and asdict(found.clearance)), ('unread', found.unread)) if value is not None}
+    values['topics'] = [_topic(found, name) for name in contents.topics]
+    is_partial = 'unread' in values or 'unsearched' in (contact or ())
+    return values, (command_line.FAILED if contents.problems.count else
+                    command_line.INCOMPLETE if is_partial else command_line.OK)
 
 
 def _progress(what: str, path: Path) -> Progress:
     """Return a progress bar that counts the bytes of a bag."""
-    total = sum(each.stat().st_size for each in files_of(path) if each.exists())
-    return Progress(what, 'B', total, unit_scale=True)
+    files = path.rglob('*.mcap') if path.is_dir() else [path]
+    return Progress(what, 'B', sum(one.stat().st_size for one in files if one.exists()), unit_scale=True)
 
 
-def _dragon(arguments: Namespace, damaged: bool = False) -> dict[str, Any]:
-    """Return the data about the dragon in a bag, or in the intact part of a damaged bag."""
-    with BagReader(arguments.bag, damaged) as bag:
-        return _about_dragon(bag, arguments)
-
-
-def _about_dragon(bag: BagReader, arguments: Namespace) -> dict[str, Any]:
-    namespace = None
-    with suppress(InputError):
-        namespace = namespace_of(bag, arguments.namespace)
-    scene = scene_of_bag(bag, namespace, arguments.trust)
-    ticked = namespace is None or log_times_are_ticks(bag, namespace)
-    about = {key: value for key, value in bag.metadata(RECORD).items() if key != 'scene'}
-    out: dict[str, Any] = {'about': about, 'scene': scene_values(scene) if scene else None,
-                           'run': scene.run if scene and ticked else None}
-    if bag.empty:
-        return out
-    out |= {'start_s': bag.start_ns / NS, 'end_s': bag.end_ns / NS}
-    if namespace is None:
-        return out
-    walk = walk_in(bag, scene, namespace) if scene else None
-    return {**out, 'namespace': namespace, 'first_contact': first_contact_in(bag, namespace, walk, arguments.trust),
-            'clearance': asdict(clearance_in(bag, namespace, arguments.looks))}
-
-
-def _topics(contents: Contents, run: Any) -> list[dict[str, Any]]:
-    out = []
-    for name, seen in contents.topics.items():
-        channel = channel_of(name)
-        gaps = gaps_of(seen.times_ns, run, channel is not None and channel.each_tick)
-        out.append({'topic': name, 'type': seen.type, 'messages': seen.messages, 'bytes': seen.size,
-                    'rate_hz': gaps.rate_hz, 'first_tick': gaps.first, 'last_tick': gaps.last,
-                    'missing': gaps.missing, 'doubled': gaps.doubled, 'missing_ranges': gaps.ranges,
-                    'lengths_compared': seen.measured, 'lengths_not_compared_because': seen.unmeasured or None})
-    return out
+def _topic(found: dr.BagSummary, name: str) -> dict[str, Any]:
+    seen, gaps = found.contents.topics[name], found.gaps(name)
+    return {'topic': name, 'type': seen.type, 'messages': seen.messages, 'bytes': seen.size, 'rate_hz': gaps.rate_hz,
+            'first_tick': gaps.first, 'last_tick': gaps.last, 'missing': gaps.missing, 'doubled': gaps.doubled,
+            'missing_ranges': gaps.ranges, 'lengths_compared': seen.measured,
+            'lengths_not_compared_because': seen.unmeasured or None}
 
 
 def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
-    from dragon_ros.bags.check.compare import compare_with_model
-    pool = Pool(arguments.workers)
-    with BagReader(arguments.bag) as bag:
-        namespace = namespace_of(bag, arguments.namespace)
-        scene, frame_id = scene_of_bag(bag, namespace, arguments.trust), frame_of_bag(bag, namespace)
-        if scene is None:
-            raise BagError(f'{arguments.bag}: it cannot be recomputed without its scene (metadata record {RECORD}, key '
-                           'scene, or the topic scene); record the topic scene')
-        contact_s, proof = None, None
-        if ends_in_contact(bag, namespace) and not scene.is_led:
-            contact_s, proof = end_in_contact(bag, namespace, scene, arguments.trust)
-        with Progress('check', 'ticks', compile_scene(scene).last_tick + 1) as bar:
-            found = compare_with_model(bag, scene, namespace, lambda k: bar.reach(k + 1), frame_id, contact_s,
-                                       pool.in_order)
-    code = command_line.OK if found.passed else command_line.FAILED
-    return {**_verdict(arguments.bag, found, scene.solver), 'end_proved': proof}, code
+    with dr.read_bag(arguments.bag, arguments.namespace, arguments.trust) as bag:
+        with Progress('check', 'ticks', dr.compile(bag.scene).ticks if bag.scene else None) as bar:
+            found = bag.check(workers=arguments.workers, progress=bar.reach)
+        tier = bag.scene.solver if bag.scene else None
+    return _verdict(arguments.bag, found, tier), command_line.OK if found.passed else command_line.FAILED
 
 
-def _verdict(path: Path, found: 'Comparison', solver: str) -> dict[str, Any]:
-    return {'bag': str(path), 'equal': found.equal, 'close': found.close, 'worst_m': found.worst_m, 'tier': solver,
+def _verdict(path: Path, found: dr.Comparison, tier: str | None) -> dict[str, Any]:
+    return {'bag': str(path), 'equal': found.equal, 'close': found.close, 'worst_m': found.worst_m, 'tier': tier,
             'other_version': found.other_version, 'other_kernel': found.other_kernel, 'fault_count': found.fault_count,
             'missing_count': found.missing_count, 'faults': found.faults, 'once': found.once, 'notes': found.notes,
-            'unchecked': {name: {'messages': count, 'reason': why} for name, (count, why) in found.unchecked.items()}}
+            'unchecked': {name: {'messages': count, 'reason': why} for name, (count, why) in found.unchecked.items()},
+            'end_proved': found.end_proved}
 
 
 def _repair(arguments: Namespace) -> tuple[dict[str, Any], int]:
-    from dragon_ros.bags.check.repair import repair
     with _progress('repair', arguments.bag) as bar:
-        done = repair(arguments.bag, arguments.repair, bar.update)
+        done = dr.repair_bag(arguments.bag, arguments.repair, progress=bar.update)
     values = {'bag': str(arguments.bag), 'repaired': str(arguments.repair), 'messages': done.messages,
               'unsaved': done.unsaved, 'lost_count': done.lost.count, 'lost': done.lost.lines}
     return values, command_line.FAILED if done.unsaved else command_line.OK

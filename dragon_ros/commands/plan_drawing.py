@@ -69,7 +69,7 @@ def answer(plan: 'Plan') -> str:
 
 
 def _write_page(plan: 'Plan', path: Path) -> None:
-    from dragon_ros.commands.sources import SceneSource
     from dragon_ros.commands.view.page import write_page
+    from dragon_ros.pictures.sources import SceneSource
     source = SceneSource(plan.title, plan.scene)
     write_page(source, source.ticks_s(*source.span_s, _PAGE_TICKS), _PACE, path, Progress('plan', 'ticks'))

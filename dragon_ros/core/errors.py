@@ -29,11 +29,15 @@ def did_you_mean(word: object, known: Iterable[str], otherwise: str, alike: floa
 
 @contextmanager
 def naming_arguments() -> Iterator[None]:
-    """In errors of the Python API, name arguments instead of options, except in commands, which stand in backquotes."""
+    """In errors of the Python API, name arguments instead of options, except in commands, which stand in backquotes.
+
+    A command that is built on the API shows the message with its options, ``naming_options``.
+    """
     try:
         yield
     except DragonError as error:
-        parts = str(error).split('`')
+        error.naming_options = error.naming_options or str(error)
+        parts = error.naming_options.split('`')
         parts[::2] = [_OPTION.sub(lambda found: found[1].replace('-', '_'), part) for part in parts[::2]]
         error.args = ('`'.join(parts),)
         raise
@@ -49,6 +53,7 @@ class DragonError(Exception):
         """Store the message for people and the fields for programs."""
         super().__init__(message)
         self.fields = fields
+        self.naming_options = ''
 
 
 class InputError(DragonError):

@@ -2,10 +2,10 @@
 import numpy as np
 import pytest
 
+from dragon_ros.bags.check import contacts
 from dragon_ros.bags.read import folder, frames
 from dragon_ros.bags.read.reader import BagError, BagReader
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
-from dragon_ros.commands import contacts_in_bag, sources
 from dragon_ros.core.chain.commanded import walked_from
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.errors import InputError
@@ -14,6 +14,7 @@ from dragon_ros.core.scene import NS, Run, Scene
 from dragon_ros.core.step import led_tick, tick
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
+from dragon_ros.pictures import sources
 from dragon_ros.scenes.load import load_scene
 
 SCENE = Scene(dragon=Dragon(3), run=Run(412, 412.2))
@@ -68,10 +69,10 @@ def test_a_led_way_is_read_back_for_as_many_ticks_as_the_budget_says(tmp_path, m
 
 def test_a_search_in_a_strangers_scene_ends_at_its_budget_unless_it_is_trusted(monkeypatch):
     scene = Scene(dragon=Dragon(5), run=Run(380, 400))
-    monkeypatch.setattr(contacts_in_bag, 'SEARCH_WORK', 20)
+    monkeypatch.setattr(contacts, 'SEARCH_WORK', 20)
     with pytest.raises(InputError, match='of 5 benches; give --trust'):
-        contacts_in_bag.searched(scene, False)
-    assert contacts_in_bag.searched(scene, True).certificate.complete
-    monkeypatch.setattr(contacts_in_bag, 'SEARCHED_BENCHES', 4)
+        contacts.searched(scene, False)
+    assert contacts.searched(scene, True).certificate.complete
+    monkeypatch.setattr(contacts, 'SEARCHED_BENCHES', 4)
     with pytest.raises(InputError, match='has 5 benches, but only scenes with up to 4 are searched'):
-        contacts_in_bag.searched(scene, False)
+        contacts.searched(scene, False)

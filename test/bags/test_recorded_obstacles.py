@@ -8,11 +8,10 @@ from properties import thinned
 
 import dragon_ros as dr
 from dragon_ros.__main__ import main
+from dragon_ros.bags.check.contacts import clearance_in
 from dragon_ros.bags.read.frames import RecordedObstacles
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagWriter
-from dragon_ros.commands.contacts_in_bag import clearance_in
-from dragon_ros.commands.sources import dragon_in
 from dragon_ros.core.geometry.venue import Surroundings, joined, surroundings_of
 from dragon_ros.core.limits import MARKER_RUNS, SHOWN_EDGES
 from dragon_ros.core.step import tick
@@ -23,6 +22,7 @@ from dragon_ros.messages.encode import encoders
 from dragon_ros.messages.latched import latched_messages
 from dragon_ros.messages.surroundings import read_venue
 from dragon_ros.messages.venue_markers import fits_message, obstacles_message
+from dragon_ros.pictures.sources import dragon_in
 from dragon_ros.scenes.load import load_scene
 from dragon_ros.scenes.provenance import scene_file
 

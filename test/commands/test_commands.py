@@ -17,8 +17,7 @@ from dragon_ros.__main__ import main
 from dragon_ros.cli import command_line
 from dragon_ros.cli.ranges import handles_of, times_of
 from dragon_ros.cli.signals import ending
-from dragon_ros.commands import demo
-from dragon_ros.commands.plot import command
+from dragon_ros.commands import demo, plot
 from dragon_ros.executables import EXECUTABLES
 
 
@@ -170,7 +169,7 @@ def test_a_value_may_begin_with_a_negative_number(capsys, tmp_path):
     assert run(capsys, 'plot', 'dragon', '--around', '-3,2', '--output', str(tmp_path / 'a.png'))[0] == 0
 
 
-@pytest.mark.parametrize('name', [*EXECUTABLES, *(f'plot {kind}' for kind in command._KINDS)])
+@pytest.mark.parametrize('name', [*EXECUTABLES, *(f'plot {kind}' for kind in plot._KINDS)])
 def test_the_example_in_the_help_of_every_executable_is_understood(capsys, monkeypatch, name):
     """Do everything but the command's work, to show that the parsed command is accepted."""
     monkeypatch.setattr(command_line, 'guarded', lambda name, body: 0)

@@ -8,8 +8,8 @@ from properties import thinned
 from recorded import introduce
 
 from dragon_ros.__main__ import main
+from dragon_ros.bags.check import contacts
 from dragon_ros.bags.write.writer import BagWriter
-from dragon_ros.commands import contacts_in_bag
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
@@ -35,7 +35,7 @@ def found_in(scene):
 @pytest.fixture(autouse=True)
 def unsearched(monkeypatch):
     """Prohibit the search for contacts in scenes with twelve benches."""
-    monkeypatch.setattr(contacts_in_bag, 'SEARCHED_BENCHES', 11)
+    monkeypatch.setattr(contacts, 'SEARCHED_BENCHES', 11)
 
 
 def bag_of(path, scene, claim):
@@ -79,7 +79,7 @@ def test_a_certificate_in_the_bag_stands_in_for_a_search(capsys, tmp_path, scene
 def test_with_trust_and_within_the_budgets_of_a_search_the_scene_alone_decides(capsys, tmp_path, monkeypatch):
     bag = bag_of(tmp_path / 'a.mcap', MEETING, {'t_s': 412.4, 'benches': [0, 8]})
     assert checked(capsys, bag, '--trust')[0] == 0
-    monkeypatch.setattr(contacts_in_bag, 'SEARCHED_BENCHES', 12)
+    monkeypatch.setattr(contacts, 'SEARCHED_BENCHES', 12)
     code, out, _ = checked(capsys, bag, '--format', 'json')
     assert (code, json.loads(out)['end_proved']) == (0, None)
 
@@ -106,7 +106,7 @@ def test_a_claim_that_is_not_proved_is_refused_in_one_line(capsys, tmp_path, cla
 
 
 def test_a_proof_ends_after_its_time(capsys, tmp_path, monkeypatch):
-    monkeypatch.setattr(contacts_in_bag, 'PROOF_S', 0.01)
+    monkeypatch.setattr(contacts, 'PROOF_S', 0.01)
     code, _, err = checked(capsys, bag_of(tmp_path / 'a.mcap', MEETING, claim_of(found_in(MEETING))))
     assert code == 2
     assert 'its certificate was not proved within 0.01 s' in err

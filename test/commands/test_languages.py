@@ -11,10 +11,10 @@ from matplotlib import font_manager
 from dragon_ros.__main__ import main
 from dragon_ros.cli.language import language_of, say
 from dragon_ros.commands import plan, plan_drawing, plan_words, view
-from dragon_ros.commands.sources import SceneSource
 from dragon_ros.commands.view import variants
 from dragon_ros.commands.view.data import ViewData
 from dragon_ros.commands.view.server import ViewServer
+from dragon_ros.pictures.sources import SceneSource
 from dragon_ros.scenes.load import load_scene
 
 WEB = Path(view.__file__).with_name('web')

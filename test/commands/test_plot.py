@@ -22,12 +22,7 @@ from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.cli import figures
 from dragon_ros.cli.figures import style
-from dragon_ros.commands.plot.animation import AnimatedFigure, animate
-from dragon_ros.commands.plot.command import options
-from dragon_ros.commands.plot.dragon import contact_picture, dragon_picture, overlaps
-from dragon_ros.commands.plot.series import clearance_picture, speeds_picture
-from dragon_ros.commands.plot.zoom import Inset, Zoom
-from dragon_ros.commands.sources import BagSource, SceneSource, clearances, decimals_of, dragon_in, moment, window
+from dragon_ros.commands.plot import options
 from dragon_ros.core.batches import ticks
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.geometry.contacts import Observation
@@ -39,6 +34,11 @@ from dragon_ros.core.step import tick
 from dragon_ros.core.tracks.spec import Arc, Composite, Line
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
+from dragon_ros.pictures.animation import AnimatedFigure, animate
+from dragon_ros.pictures.dragon import contact_picture, dragon_picture, overlaps
+from dragon_ros.pictures.series import clearance_picture, speeds_picture
+from dragon_ros.pictures.sources import BagSource, SceneSource, clearances, decimals_of, dragon_in, moment, window
+from dragon_ros.pictures.zoom import Inset, Zoom
 from dragon_ros.scenes.load import load_scene
 from dragon_ros.version import __version__
 

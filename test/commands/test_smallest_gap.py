@@ -9,12 +9,12 @@ from venues import SCENES, corners_at, random_venue
 
 from dragon_ros.__main__ import main
 from dragon_ros.bags.read.reader import BagReader
-from dragon_ros.commands.plot.animation import AnimatedFigure
-from dragon_ros.commands.plot.series import clearance_picture
-from dragon_ros.commands.sources import SceneSource, clearances, dragon_in
 from dragon_ros.commands.view.data import ViewData
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.venue import PolygonObstacle
+from dragon_ros.pictures.animation import AnimatedFigure
+from dragon_ros.pictures.series import clearance_picture
+from dragon_ros.pictures.sources import SceneSource, clearances, dragon_in
 from dragon_ros.scenes.load import load_scene
 
 # Bench 0 touches an obstacle before any two benches touch.

@@ -22,7 +22,6 @@ from properties import thinned
 from dragon_ros.__main__ import main
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagWriter
-from dragon_ros.commands.sources import SceneSource, dragon_in, moment
 from dragon_ros.commands.view import server as server_module
 from dragon_ros.commands.view.data import ViewData
 from dragon_ros.commands.view.page import WEB, write_page
@@ -33,6 +32,7 @@ from dragon_ros.core.step import tick
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import read_marker_array, read_multi_array, read_pose_array
 from dragon_ros.messages.encode import encoders
+from dragon_ros.pictures.sources import SceneSource, dragon_in, moment
 from dragon_ros.scenes.load import load_scene
 
 

@@ -15,7 +15,6 @@ import yaml
 from test_view import serving_of
 
 from dragon_ros.__main__ import main
-from dragon_ros.commands.sources import SceneSource
 from dragon_ros.commands.view import server as server_module
 from dragon_ros.commands.view import variants as variants_module
 from dragon_ros.commands.view.data import ViewData
@@ -25,6 +24,7 @@ from dragon_ros.core.search.bounding_box import bounding_box
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.search.max_speed import max_speed
 from dragon_ros.core.search.min_pitch import min_pitch
+from dragon_ros.pictures.sources import SceneSource
 from dragon_ros.scenes.load import load_scene
 
 SMALL = ['dragon.benches=20', 'run.start_s=411', 'run.stop_s=413', 'run.rate_hz=20']

@@ -20,9 +20,9 @@ from dragon_ros.bags.read.parts import in_parts
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.cli.pool import ALONE, Pool, workers_of
-from dragon_ros.commands.sources import dragon_in
 from dragon_ros.core.errors import DragonError
 from dragon_ros.messages.channels import channels
+from dragon_ros.pictures.sources import dragon_in
 from dragon_ros.scenes.load import load_scene
 
 COMMAND = ['simulate', '--scene', 'winding', '--workers', '2']
@@ -377,7 +377,7 @@ import sys
 from pathlib import Path
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli.pool import Pool
-from dragon_ros.commands.sources import dragon_in
+from dragon_ros.pictures.sources import dragon_in
 
 with BagReader(Path(sys.argv[1])) as bag:
     one, two = dragon_in(bag), dragon_in(bag, pool=Pool(2))
@@ -416,7 +416,7 @@ def test_an_animation_has_the_same_bytes_with_any_number_of_workers(capsys, tmp_
 _CURVE = """
 import numpy as np
 from dragon_ros.cli.pool import Pool
-from dragon_ros.commands.sources import SceneSource
+from dragon_ros.pictures.sources import SceneSource
 from dragon_ros.scenes.load import load_scene
 
 scene, times_s = load_scene('winding'), np.linspace(400, 413, 200)

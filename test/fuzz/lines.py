@@ -12,10 +12,10 @@ import numpy as np
 
 from dragon_ros.__main__ import main
 from dragon_ros.bags.read.reader import BagReader
-from dragon_ros.commands.sources import dragon_in
 from dragon_ros.commands.view.data import ViewData
 from dragon_ros.core.errors import DragonError
 from dragon_ros.messages.decode import MessageError, read_pose_array
+from dragon_ros.pictures.sources import dragon_in
 
 Row = tuple[str, int, bytes]        # topic, log time in ns, data
 HANDLES = '/dragon/handles'

@@ -6,10 +6,9 @@ import pytest
 
 from dragon_ros.__main__ import main
 from dragon_ros.bags.check.compare import compare_with_model
+from dragon_ros.bags.check.contacts import first_contact_in
 from dragon_ros.bags.read.frames import RecordedObstacles, frames
 from dragon_ros.bags.read.reader import BagReader
-from dragon_ros.commands.contacts_in_bag import first_contact_in
-from dragon_ros.commands.sources import dragon_in
 from dragon_ros.core.geometry.near_obstacles import with_obstacles
 from dragon_ros.core.geometry.near_pairs import closeness
 from dragon_ros.core.model import compile_scene
@@ -20,6 +19,7 @@ from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import decode, read_diagnostics, read_stamp_ns
 from dragon_ros.messages.encode import encoders
 from dragon_ros.messages.latched import latched_messages
+from dragon_ros.pictures.sources import dragon_in
 from dragon_ros.scenes.load import load_scene
 
 SCENE = """
@@ -89,7 +89,7 @@ def test_a_live_run_a_replay_and_the_offline_answers_agree_on_the_contact_with_a
     assert "contact of bench 0 and obstacle 'post' at" in first.message
     assert float(first.values['t_before_s']) < found.t_s <= float(first.values['t_after_s'])
     assert float(first.values['t_contact_s']) == pytest.approx(found.t_s, abs=1e-8)
-    assert reported['obstacle'] == found.obstacle.name == 'post'
+    assert reported.obstacle == found.obstacle.name == 'post'
     assert seen == again_seen       # equal to the last bit, although computed without any earlier state
     model = {t_ns: tick(scene, scene.run.tick_at(t_ns)).closeness.clearance_m for t_ns in seen}
     assert len(seen) == compile_scene(scene).last_tick + 1

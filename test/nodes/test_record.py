@@ -15,9 +15,9 @@ from properties import thinned
 from zstandard import ZstdError
 
 from dragon_ros.__main__ import main
+from dragon_ros.bags.check import contacts
 from dragon_ros.bags.check.compare import compare_with_model
 from dragon_ros.bags.read.reader import BagReader
-from dragon_ros.commands import contacts_in_bag
 from dragon_ros.core.scene import Run
 from dragon_ros.messages.cdr import Writer, stamp_of
 from dragon_ros.scenes.load import load_scene, strangers_scene
@@ -143,7 +143,7 @@ def test_a_bag_of_a_run_that_ends_in_its_contact_is_checked_to_its_last_frame(st
     assert record.end() == 0, record.text
     assert main(['inspect', str(tmp_path / 'a.mcap'), '--check']) == 0
     assert f'{3 * 10} messages are bit-identical to the model, 0 are not' in capsys.readouterr().out
-    monkeypatch.setattr(contacts_in_bag, 'SEARCHED_BENCHES', 23)
+    monkeypatch.setattr(contacts, 'SEARCHED_BENCHES', 23)
     assert main(['inspect', str(tmp_path / 'a.mcap'), '--check']) == 0      # checked by the certificate in the bag
     assert 'the contact at 412.47383768211' in capsys.readouterr().out
 

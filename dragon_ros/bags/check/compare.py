@@ -94,7 +94,7 @@ class Comparison:
     maker at all. ``once`` counts the once-per-run messages that match the scene. ``unchecked`` maps a topic to the
     number of messages that were not compared and the reason; ``seen`` counts the compared messages on each per-tick
     topic. ``first`` and ``last`` are the first and the last recorded tick, and ``notes`` states what the recording does
-    not contain.
+    not contain. ``end_proved`` is the statement that the bag's certificate proves, if it was needed.
     """
 
     other_version: str | None = None
@@ -111,6 +111,7 @@ class Comparison:
     first: int | None = None
     last: int = -1
     notes: list[str] = field(default_factory=list)
+    end_proved: str | None = None
     _lines: list['_Fault | str'] = field(default_factory=list)
     _last: dict[str, tuple[int, '_Fault']] = field(default_factory=dict)
 

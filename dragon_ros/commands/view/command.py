@@ -52,7 +52,7 @@ def _run(arguments: Namespace) -> int:
             raise InputError('--try: it requires a scene; the run in a bag cannot be changed')
         name = Path(arguments.scene).stem
         return _serve(name, Variants(name, arguments.scene, command_line.overrides_from(arguments)), arguments)
-    from dragon_ros.commands.sources import opened
+    from dragon_ros.commands.opened import opened
     from dragon_ros.commands.view.data import ViewData
     with opened(arguments) as source:
         return _serve(source.name, ViewData(source, Progress('view', 'ticks')), arguments)

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros.commands.sources import Check, Moment, Progress, Source, Touch, clearances, moment, thinned, window
 from dragon_ros.core.limits import VIEW_TICKS
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.venue import PolygonObstacle, Venue
+from dragon_ros.pictures.sources import Check, Moment, Progress, Source, Touch, clearances, moment, thinned, window
 
 MOST_BENCHES = 2000         # largest number of benches sent as rectangles; otherwise, only handles are sent
 MOST_POINTS = 1500          # largest number of points per line

@@ -5,9 +5,9 @@ from hashlib import sha256
 from pathlib import Path
 
 from dragon_ros.cli import command_line
-from dragon_ros.commands.sources import Progress, Source
 from dragon_ros.commands.view.data import ViewData
 from dragon_ros.core.numerics.types import Floats
+from dragon_ros.pictures.sources import Progress, Source
 
 WEB = Path(__file__).with_name('web')
 

@@ -18,12 +18,12 @@ from threading import BoundedSemaphore, Lock
 from typing import Any
 from urllib.parse import urlsplit
 
-from dragon_ros.commands.sources import Check
 from dragon_ros.commands.view.data import ViewData
 from dragon_ros.commands.view.page import WEB
 from dragon_ros.commands.view.variants import QUESTIONS, Variants
 from dragon_ros.core.errors import DragonError, InputError, MissingError, ModelEnd
 from dragon_ros.core.limits import VIEW_ANSWER_S, VIEW_CONNECTIONS, VIEW_IDLE_S
+from dragon_ros.pictures.sources import Check
 
 HOST = '127.0.0.1'
 _PAGES = {'/': ('index.html', 'text/html; charset=utf-8'), '/view.js': ('view.js', 'text/javascript; charset=utf-8'),

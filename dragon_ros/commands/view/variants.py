@@ -11,12 +11,12 @@ from math import isfinite
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qsl
 
-from dragon_ros.commands.sources import Check, Progress, SceneSource
 from dragon_ros.commands.view.data import ViewData
 from dragon_ros.core.errors import DragonError, FieldError, InputError
 from dragon_ros.core.limits import SEARCHED_BENCHES
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.pictures.sources import Check, Progress, SceneSource
 from dragon_ros.scenes.load import load_scene, scene_values
 
 if TYPE_CHECKING:       # imported lazily, by the first question

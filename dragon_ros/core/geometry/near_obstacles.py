@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dragon_ros.core.geometry.contacts import Closeness
-from dragon_ros.core.geometry.near_pairs import TOUCH_M
+from dragon_ros.core.geometry.near_pairs import TOUCH_M, NearPairs
 from dragon_ros.core.geometry.rectangles import Benches, together
 from dragon_ros.core.geometry.signed_distance import PartedPairs, gap_of, parted_pairs
 from dragon_ros.core.geometry.venue import Surroundings
@@ -216,3 +216,23 @@ def _complex(benches: Benches) -> tuple[Complexes, Complexes]:
 
 def _sizes(benches: Benches) -> bytes:
     return benches.half_length.tobytes() + benches.half_width.tobytes()
+
+
+class SmallestGap:
+    """Finds the smallest signed gap at successive moments: between benches, or between a bench and an obstacle."""
+
+    def __init__(self, around: Surroundings | None = None) -> None:
+        """Start without a state; ``around`` holds the obstacles."""
+        self._near = NearPairs()
+        self._obstacles: NearObstacles | None = None
+        self.surround(around)
+
+    def surround(self, around: Surroundings | None) -> None:
+        """Replace the obstacles, if they differ."""
+        if around is not (self._obstacles and self._obstacles.around):
+            self._obstacles = NearObstacles(around) if around else None
+
+    def at_m(self, p: Floats, benches: Benches) -> float:
+        """Return the gap (m), which is inf if no two parts are close."""
+        found = self._near.look(p, benches)
+        return (self._obstacles.look(found, benches) if self._obstacles else found).clearance_m

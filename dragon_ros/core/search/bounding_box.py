@@ -87,6 +87,14 @@ class BoundingBox:
         low, high = ([getattr(reach, name) for reach in self.reaches] for name in ('low_m', 'high_m'))
         return max(low[0] + low[1], low[2] + low[3]), max(high[0] + high[1], high[2] + high[3])
 
+    def fits_centred(self, side_m: float) -> bool | None:
+        """Return whether the run fits into a square centred on the origin; None if the side is between the bounds."""
+        return fits(self.centred_m, side_m)
+
+    def fits_free(self, side_m: float) -> bool | None:
+        """Return whether the run fits into an axis-aligned square anywhere; None if the side is between the bounds."""
+        return fits(self.free_m, side_m)
+
     @property
     def touching(self) -> Reach:
         """The reach that determines the size of the square centred on the origin."""

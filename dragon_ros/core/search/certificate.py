@@ -1,5 +1,6 @@
 """The result of a search for the first contact: a contact or none, with a certificate that proves it."""
 from dataclasses import dataclass
+from typing import Literal
 
 from dragon_ros.core.geometry.contacts import ObstacleTouch
 from dragon_ros.core.geometry.signed_distance import Witness
@@ -60,6 +61,10 @@ class Contact:
     certificate: Certificate
     obstacle: ObstacleTouch | None = None
 
+    def __bool__(self) -> Literal[True]:
+        """Return True, whereas a ``NoContact`` is false."""
+        return True
+
     @property
     def between(self) -> str:
         """A description of the two benches, or of the bench and the obstacle, that touch."""
@@ -81,6 +86,6 @@ class NoContact:
     states: int
     certificate: Certificate
 
-    def __bool__(self) -> bool:
+    def __bool__(self) -> Literal[False]:
         """Return False, whereas a ``Contact`` is true."""
         return False

@@ -14,11 +14,13 @@ from matplotlib.figure import Figure
 from dragon_ros.cli import figures
 from dragon_ros.cli.figures import HEAD, LINES, QUIET, thin_labels
 from dragon_ros.cli.pool import ALONE, Pool
-from dragon_ros.commands.plot.dragon import Overlaps, draw, overlaps, panel, sheet
-from dragon_ros.commands.plot.film import film, prepared_as
-from dragon_ros.commands.plot.film_layout import FilmLayout, film_layout
-from dragon_ros.commands.plot.zoom import INSET_WIDTH, Inset, Zoom, contact_of
-from dragon_ros.commands.sources import (
+from dragon_ros.core.errors import FieldError, InputError
+from dragon_ros.core.numerics.types import Array, Floats
+from dragon_ros.core.words import counted
+from dragon_ros.pictures.dragon import Overlaps, draw, overlaps, panel, sheet
+from dragon_ros.pictures.film import film, prepared_as
+from dragon_ros.pictures.film_layout import FilmLayout, film_layout
+from dragon_ros.pictures.sources import (
     Moment,
     Progress,
     Source,
@@ -29,9 +31,7 @@ from dragon_ros.commands.sources import (
     thinned,
     window,
 )
-from dragon_ros.core.errors import FieldError, InputError
-from dragon_ros.core.numerics.types import Array, Floats
-from dragon_ros.core.words import counted
+from dragon_ros.pictures.zoom import INSET_WIDTH, Inset, Zoom, contact_of
 from dragon_ros.version import __version__
 
 MOST_FRAMES = 3000

@@ -7,10 +7,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from dragon_ros.cli.figures import BODY, HEAD, POINT, QUIET, TRACK
-from dragon_ros.commands.sources import Moment, Source
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
+from dragon_ros.pictures.sources import Moment, Source
 
 _PLACES = ('head', 'tail', 'contact')
 _LENGTHS = 6.0              # default side of a window, in bench lengths

@@ -1,6 +1,7 @@
 """Pictures of a dragon: its benches on the track, or its contact with a close-up."""
 from collections.abc import Sequence
 from dataclasses import dataclass
+from io import StringIO
 from typing import Any
 
 import numpy as np
@@ -14,16 +15,18 @@ from matplotlib.patches import ConnectionPatch, Patch, PathPatch
 from matplotlib.path import Path
 
 from dragon_ros.cli import figures
-from dragon_ros.cli.figures import BODY, HATCH, HEAD, OBSTACLE, PAGE_IN, POINT, QUIET, TEXT_PT, TOUCHED, TRACK
-from dragon_ros.commands.plot.zoom import INSET_WIDTH, Inset, Zoom, contact_of
-from dragon_ros.commands.sources import Moment, Source, Touch, moment, window
+from dragon_ros.cli.figures import BODY, HATCH, HEAD, OBSTACLE, PAGE_IN, POINT, QUIET, TEXT_PT, TOUCHED, TRACK, style
+from dragon_ros.core.checks import number
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.geometry.contacts import OBSTACLE as NO_BENCH
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.venue import PolygonObstacle, Venue
 from dragon_ros.core.words import counted
+from dragon_ros.pictures.sources import Moment, Source, Touch, moment, window
+from dragon_ros.pictures.zoom import INSET_WIDTH, Inset, Zoom, contact_of
 
 _MOST_PANELS = 6
+_SVG_DPI = 72       # width of a picture in Jupyter
 _ROUNDING_M = 1e-9          # a shallower overlap counts as a touch
 _CLOSE_LENGTHS = 0.62       # half the side of the close-up, in bench lengths
 RING: dict[str, Any] = {'linestyle': 'none', 'marker': 'o', 'markersize': 12, 'markerfacecolor': 'none',
@@ -277,3 +280,24 @@ def _legend(figure: Figure, track: bool, contact: bool, overlapping: bool = Fals
     if contact:
         parts.append(Line2D([], [], label='contact', **RING))
     figure.legend(handles=parts, loc='outside lower center', ncols=len(parts))
+
+
+def draw_on(source: Source, t_s: float | None = None, ax: Axes | None = None) -> Axes:
+    """Draw a dragon at a time (by default, the last) on Matplotlib axes, by default new ones, and return the axes."""
+    from matplotlib import pyplot as plt
+    one = moment(source, source.span_s[1] if t_s is None else number('t_s', t_s))
+    inches, seen = panel(window(source.track, [one]), 6.4)
+    axes = plt.subplots(figsize=tuple(inches + 0.8))[1] if ax is None else ax
+    draw(axes, seen, source.track, one, venue=source.venue)
+    axes.set_title(f'{counted(len(one.benches.centre), "bench")} at {one.t_s:g} s')
+    return axes
+
+
+def svg_of(source: Source) -> str:
+    """Return an SVG picture of a dragon at the last time, for Jupyter."""
+    out = StringIO()
+    with style():
+        figure = Figure(figsize=(5.6, 5.6))
+        draw_on(source, ax=figure.add_subplot())
+        figure.savefig(out, format='svg', dpi=_SVG_DPI)
+    return out.getvalue()

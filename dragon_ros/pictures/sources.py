@@ -1,19 +1,15 @@
 """Sources for pictures and the web view: a scene, which is computed, or a bag, which is read."""
-from argparse import Namespace
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import chain as joined
 from itertools import count, islice, repeat
 from math import floor, log10
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from dragon_ros.cli import command_line
 from dragon_ros.cli.pool import ALONE, Pool
 from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.errors import InputError
@@ -28,7 +24,7 @@ if TYPE_CHECKING:       # imported lazily, because a picture of a scene needs at
     from dragon_ros.bags.read.frames import BagFrame, RecordedObstacles
     from dragon_ros.bags.read.reader import BagReader
     from dragon_ros.core.geometry.contacts import Observation
-    from dragon_ros.core.geometry.near_obstacles import NearObstacles
+    from dragon_ros.core.geometry.near_obstacles import SmallestGap
     from dragon_ros.core.geometry.signed_distance import Witness
     from dragon_ros.core.geometry.tracker import Event
     from dragon_ros.core.geometry.venue import Surroundings
@@ -193,30 +189,9 @@ def moments_of(scene: Scene, group: list[float]) -> Iterator[Moment]:
         yield Moment(t_s, chain.p[n], one, speed[n])
 
 
-class SmallestGap:
-    """Finds the smallest signed gap at successive moments: between benches, or between a bench and an obstacle."""
-
-    def __init__(self, around: 'Surroundings | None' = None) -> None:
-        """Start without a state; ``around`` holds the obstacles."""
-        from dragon_ros.core.geometry.near_pairs import NearPairs  # imported lazily, because few pictures need gaps
-        self._near = NearPairs()
-        self._obstacles: NearObstacles | None = None
-        self.surround(around)
-
-    def surround(self, around: 'Surroundings | None') -> None:
-        """Replace the obstacles, if they differ."""
-        if around is not (self._obstacles and self._obstacles.around):
-            from dragon_ros.core.geometry.near_obstacles import NearObstacles
-            self._obstacles = NearObstacles(around) if around else None
-
-    def at_m(self, p: Floats, benches: Benches) -> float:
-        """Return the gap (m), which is inf if no two parts are close."""
-        found = self._near.look(p, benches)
-        return (self._obstacles.look(found, benches) if self._obstacles else found).clearance_m
-
-
-def smallest_gap(venue: Venue | None) -> SmallestGap:
+def smallest_gap(venue: Venue | None = None) -> 'SmallestGap':
     """Return an object that finds smallest gaps in a venue."""
+    from dragon_ros.core.geometry.near_obstacles import SmallestGap  # imported lazily, because few pictures need gaps
     if venue is None:
         return SmallestGap()
     from dragon_ros.core.geometry.venue import surroundings_of
@@ -448,7 +423,7 @@ class BagSource:
         wanted = frozenset(self._ticks[row][0] for row in rows.tolist())
         first_ns, last_ns = (self._ticks[row][1] for row in (int(rows[0]), int(rows[-1])))
         if obstacles := self._obstacles():
-            gap = SmallestGap()
+            gap = smallest_gap()
             for one, _ in self._observations(first_ns, last_ns):
                 if one.t_ns in wanted:
                     gap.surround(obstacles.at(one.t_ns))
@@ -474,7 +449,7 @@ def _observed(frame: 'BagFrame') -> 'Observation':
 
 def _gaps_in(wanted: frozenset[int], frames: 'Iterator[BagFrame]') -> list[tuple[float, float]]:
     """Return the stamps (s) and the gaps (m) of the ticks whose stamps (ns) are in ``wanted``."""
-    gap = SmallestGap()
+    gap = smallest_gap()
     return [(frame.t_ns / NS, gap.at_m(frame.handles_m, frame.benches)) for frame in frames
             if frame.benches is not None and frame.t_ns in wanted]
 
@@ -521,18 +496,3 @@ def dragon_in(bag: 'BagReader', namespace: str | None = None, pool: Pool = ALONE
             raise InputError(f'{bag.path}: it has no messages on {chosen}/{topic}; pictures need '
                              'handles and benches (scene key effects)')
     return BagSource(bag, chosen, pool)
-
-
-@contextmanager
-def opened(arguments: Namespace, pool: Pool = ALONE) -> Iterator[Source]:
-    """Open the source that the options of ``command_line.add_source_options`` select, for the duration of a block."""
-    if arguments.bag is None:
-        if arguments.namespace is not None:
-            raise InputError('--namespace: it requires --bag; omit --namespace for a scene')
-        yield SceneSource(Path(arguments.scene).stem, command_line.scene_from(arguments), pool)
-        return
-    if command_line.gives_scene(arguments):
-        raise InputError('--bag: a bag replaces the scene; omit --scene, --set and --accuracy')
-    from dragon_ros.bags.read.reader import BagReader
-    with BagReader(arguments.bag) as bag:
-        yield dragon_in(bag, arguments.namespace, pool)

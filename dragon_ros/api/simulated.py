@@ -1,4 +1,4 @@
-"""The public Python API (``import dragon_ros as dr``): scenes, states, contacts, design, bags and pictures.
+"""Scenes, and what can be computed from them: states, contacts, gaps and bags.
 
 Lengths are in metres, angles in radians and times in seconds; all arrays are numpy arrays. Handle 0 is the head's front
 handle. Every error that dragon_ros raises deliberately is a DragonError; its subclass InputError reports invalid input.
@@ -9,25 +9,14 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike, fspath
 from pathlib import Path
-from types import NoneType, TracebackType
+from threading import Event
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dragon_ros.bags.read.frames import BagFrame, namespace_of, scene_of_bag, surrounded_frames
-from dragon_ros.bags.read.reader import BagReader
-from dragon_ros.core.batches import batches, states, velocity_of
-from dragon_ros.core.chain.dragon import AnyDragon, Dragon, Mixed
+from dragon_ros.core.batches import COLUMNS, batches, states, velocity_of
 from dragon_ros.core.checks import number, whole
-from dragon_ros.core.errors import (
-    DiskError,
-    DragonError,
-    FieldError,
-    InputError,
-    MissingError,
-    ModelEnd,
-    naming_arguments,
-)
+from dragon_ros.core.errors import FieldError, MissingError, naming_arguments
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.geometry.near_obstacles import with_obstacles
 from dragon_ros.core.geometry.near_pairs import closeness
@@ -35,11 +24,8 @@ from dragon_ros.core.geometry.rectangles import axes_of, benches_of, corner_leve
 from dragon_ros.core.geometry.venue import surroundings_of
 from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.numerics.types import Floats, read_only
-from dragon_ros.core.scene import NS, Run, Scene
-from dragon_ros.core.search.certificate import Contact, NoContact
-from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state, tick
-from dragon_ros.core.tracks.spec import Spiral, STurn
 from dragon_ros.core.words import counted
 from dragon_ros.scenes.load import changed_scene, scene_of
 from dragon_ros.scenes.load import scene_values as values_of_scene
@@ -49,21 +35,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from dragon_ros.core.model import End
-    from dragon_ros.core.search.bounding_box import BoundingBox
-    from dragon_ros.core.search.max_speed import MaxSpeed
-    from dragon_ros.core.search.min_pitch import MinPitch
+    from dragon_ros.core.search.certificate import Contact, NoContact
     from dragon_ros.core.search.near_misses import NearMisses
-    from dragon_ros.core.search.venue_fit import VenueFit
-    from dragon_ros.core.tracks.s_turn import TurnAnswer
 
 Progress = Callable[[int], object]
-__all__ = ['Bag', 'Clearance', 'Contact', 'DiskError', 'Dragon', 'DragonError', 'FieldError', 'InputError',
-           'MissingError', 'ModelEnd', 'Motion', 'NoContact', 'Run', 'STurn', 'Scene', 'Simulated', 'Spiral', 'compile',
-           'design', 'gaps', 'plot', 'read_bag', 'scene', 'scene_from', 'scene_values']
-_DPI = 72       # width of a scene's picture in Jupyter
 
 
-def _quiet(states: int) -> None:
+def quiet(states: int) -> None:
     """Show no progress."""
 
 
@@ -74,12 +52,12 @@ def scene(name_or_path: str | PathLike[str] = 'winding', **changes: Any) -> Scen
     frozen, compare by value and can be pickled. Raises an InputError that names the invalid key, or a MissingError for
     an unknown scene.
     """
-    return changed_scene(_path('name_or_path', name_or_path), changes)
+    return changed_scene(given_path('name_or_path', name_or_path), changes)
 
 
 def scene_values(scene: Scene) -> dict[str, Any]:
     """Return a scene as a mapping that is laid out like a complete scene file."""
-    return values_of_scene(_scene('scene', scene))
+    return values_of_scene(given_scene('scene', scene))
 
 
 def scene_from(values: Mapping[str, Any]) -> Scene:
@@ -89,10 +67,10 @@ def scene_from(values: Mapping[str, Any]) -> Scene:
 
 def compile(scene: Scene) -> 'Simulated':       # noqa: A001 - the usual term; always called as dr.compile
     """Return an object that you can query about a scene. Scenes with the same geometry share one model."""
-    return Simulated(compile_scene(_scene('scene', scene)))
+    return Simulated(compile_scene(given_scene('scene', scene)))
 
 
-def _scene(field: str, value: Any) -> Scene:
+def given_scene(field: str, value: Any) -> Scene:
     """Return ``value`` or, if it is a compiled scene, its scene. Raises FieldError for any other value."""
     if isinstance(value, Simulated):
         return value.scene
@@ -101,7 +79,7 @@ def _scene(field: str, value: Any) -> Scene:
     return value
 
 
-def _path(field: str, value: Any) -> str:
+def given_path(field: str, value: Any) -> str:
     """Return a name or a path as a string. Raises FieldError for any other value."""
     if not isinstance(value, (str, PathLike)):
         raise FieldError(field, value, f'it is a {type(value).__name__}, not a name or a path',
@@ -151,7 +129,6 @@ class Motion:
             import pandas as pd  # type: ignore[import-untyped]
         except ImportError:
             raise MissingError('frame: pandas is not installed: pip install pandas') from None
-        from dragon_ros.commands.table import COLUMNS
         times, handles = np.atleast_1d(self.t_s), self.handles_m.shape[-2]
         rows = np.concatenate((self.handles_m, self.velocity_m_s, self.speed_m_s[..., None]), axis=-1).reshape(-1, 5)
         return pd.DataFrame({'t_s': np.repeat(times, handles), 'handle': np.tile(np.arange(handles), times.size),
@@ -246,16 +223,17 @@ class Simulated:
         """Return tick k with every effect of the scene, as published by the node ``sim``."""
         return tick(self.scene, whole('k', k, low=0, high=2**62))
 
-    def contact(self, *, progress: Progress = _quiet) -> Contact | NoContact:
+    def contact(self, *, progress: Progress = quiet) -> 'Contact | NoContact':
         """Return the first contact of the run (truthy) or NoContact (falsy), each with its proof.
 
         ``progress(states)`` is called with the number of newly computed states. Raises FieldError if the run cannot be
         searched to its end; the error suggests an earlier stop.
         """
+        from dragon_ros.core.search.first_contact import first_contact
         return first_contact(self.scene, progress)
 
-    def near_misses(self, below_m: float = 0.01, *, contact: Contact | NoContact | None = None,
-                    progress: Progress = _quiet) -> 'NearMisses':
+    def near_misses(self, below_m: float = 0.01, *, contact: 'Contact | NoContact | None' = None,
+                    progress: Progress = quiet) -> 'NearMisses':
         """Return the gaps below ``below_m`` before the first contact or the end of the run, nearest first.
 
         ``contact`` may pass the result of ``contact()``, so that it is not searched for again. Near misses are found by
@@ -264,6 +242,14 @@ class Simulated:
         from dragon_ros.core.search.near_misses import near_misses
         found = self.contact(progress=progress) if contact is None else contact
         return near_misses(self.scene, found, number('below_m', below_m, above=0.0), progress)
+
+    def certificate(self, found: 'Contact | NoContact') -> dict[str, Any]:
+        """Return the proof of a result of ``contact()`` as plain values, which ``contact --verify`` checks.
+
+        Raises InputError if the result has no complete proof.
+        """
+        from dragon_ros.scenes.certificate import as_values
+        return as_values(self.scene, found)
 
     def clearance(self, t_s: float | None = None) -> 'Clearance':
         """Return the smallest gap between benches, or to obstacles, at a time (by default, at the end of the run)."""
@@ -293,7 +279,9 @@ class Simulated:
 
     def plot(self, t_s: float | None = None, ax: 'Axes | None' = None) -> 'Axes':
         """Draw the dragon at a time (by default, the end of the run) on Matplotlib axes, and return the axes."""
-        return plot(self, t_s, ax)
+        from dragon_ros.pictures.dragon import draw_on
+        from dragon_ros.pictures.sources import SceneSource
+        return draw_on(SceneSource('dragon', self.scene), t_s, ax)
 
     def _repr_svg_(self) -> str:
         """Return an SVG picture for Jupyter."""
@@ -319,189 +307,27 @@ def gaps(handles_m: Floats, first: Sequence[int], second: Sequence[int], *, widt
     return out
 
 
-class Bag:
-    """A recorded run: its scene, and its ticks, which are read lazily. Use it in a ``with`` block, or close it."""
+@naming_arguments()
+def write_bag(scene: Scene | Simulated, path: str | PathLike[str], *, overwrite: bool = False,
+              namespace: str = '/dragon', compression: str = 'zstd', workers: int | None = 1,
+              stop: Event | None = None, progress: Progress = quiet) -> int:
+    """Write the bag that ``sim`` and ``record`` would write, bit for bit, and return the number of its ticks.
 
-    def __init__(self, path: str | PathLike[str], namespace: str | None = None, trust: bool = False) -> None:
-        """Open a bag (an .mcap file or a rosbag2 folder). Raises InputError unless exactly one dragon is selected."""
-        self._reader, self._trust = BagReader(Path(_path('path', path))), trust
-        try:
-            with naming_arguments():
-                self.namespace = namespace_of(self._reader, namespace)
-        except InputError:
-            self._reader.close()
-            raise
-
-    def __enter__(self) -> 'Bag':
-        """Return the bag."""
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
-                 trace: TracebackType | None) -> None:
-        """Close the bag."""
-        self.close()
-
-    def close(self) -> None:
-        """Close the file."""
-        self._reader.close()
-
-    @cached_property
-    def scene(self) -> Scene | None:
-        """The scene of the run, or None if the bag has no scene.
-
-        Raises InputError if an untrusted scene exceeds the budgets.
-        """
-        with naming_arguments():
-            return scene_of_bag(self._reader, self.namespace, self._trust)
-
-    @property
-    def reader(self) -> BagReader:
-        """The underlying reader, which gives access to other topics."""
-        return self._reader
-
-    def __iter__(self) -> Iterator[BagFrame]:
-        """Yield the ticks in order: stamp, handles, benches, velocities, obstacles.
-
-        Raises InputError if the simulated time goes back, because the bag then holds several runs.
-        """
-        return surrounded_frames(self._reader, self.namespace)
-
-    def arrays(self) -> Motion:
-        """Return all ticks; velocities that were not recorded are nan. Raises InputError if there are no ticks."""
-        rows = list(self)
-        if not rows:
-            raise InputError(f'{self._reader.path}: it has no ticks')
-        blank = np.full_like(rows[0].handles_m, np.nan)
-        velocity = np.array([blank if one.velocity_m_s is None else one.velocity_m_s for one in rows])
-        promise_m = compile_scene(self.scene).promise_m if self.scene else np.nan
-        return Motion(read_only(np.array([one.t_ns for one in rows]) / NS),
-                      read_only(np.array([one.handles_m for one in rows])), read_only(velocity), float(promise_m))
-
-
-def read_bag(path: str | PathLike[str], namespace: str | None = None, trust: bool = False) -> Bag:
-    """Open a recorded run.
-
-    ``namespace`` selects one of several dragons; ``trust`` lifts the budgets for the scene.
+    ``path`` is a file that ends in .mcap, or a rosbag2 folder. ``compression`` is 'zstd', 'lz4' or 'none'. Setting
+    ``stop`` ends the bag after a whole tick. ``progress(ticks)`` is called with the number of newly written ticks.
     """
-    return Bag(path, namespace, trust)
+    from dragon_ros.bags.write.simulate import write_bag as write
+    from dragon_ros.cli.pool import Pool
+    pool = Pool(workers)
+    return write(given_scene('scene', scene), Path(given_path('path', path)), overwrite=overwrite, namespace=namespace,
+                 compression=compression, workers=pool.workers, in_order=pool.in_order, stop=stop, progress=progress)
 
 
-def plot(of: 'Simulated | Scene | Bag', t_s: float | None = None, ax: 'Axes | None' = None) -> 'Axes':
-    """Draw a dragon on its track at a time (by default, the last), and return the Matplotlib axes.
-
-    New axes are created unless ``ax`` is given.
-    """
-    from matplotlib import pyplot as plt
-
-    from dragon_ros.commands.plot.dragon import draw, panel
-    from dragon_ros.commands.sources import BagSource, SceneSource, Source, moment, window
-    source: Source
-    source = BagSource(of.reader, of.namespace) if isinstance(of, Bag) else SceneSource('dragon', _scene('of', of))
-    one = moment(source, source.span_s[1] if t_s is None else number('t_s', t_s))
-    inches, seen = panel(window(source.track, [one]), 6.4)
-    axes = plt.subplots(figsize=tuple(inches + 0.8))[1] if ax is None else ax
-    draw(axes, seen, source.track, one, venue=source.venue)
-    axes.set_title(f'{counted(len(one.benches.centre), "bench")} at {one.t_s:g} s')
-    return axes
-
-
-def _svg(of: 'Simulated | Scene') -> str:
+def _svg(of: Simulated | Scene) -> str:
     """Return an SVG picture of a scene at the end of its run."""
-    from io import StringIO
-
-    from matplotlib.figure import Figure
-
-    from dragon_ros.cli.figures import style
-    out = StringIO()
-    with style():
-        figure = Figure(figsize=(5.6, 5.6))
-        plot(of, ax=figure.add_subplot())
-        figure.savefig(out, format='svg', dpi=_DPI)
-    return out.getvalue()
-
-
-class Design:
-    """Design questions: the smallest pitch, the space that a run requires, the largest speed, and the S-turn.
-
-    ``progress(states)`` is called with the number of newly computed states.
-    """
-
-    @staticmethod
-    def min_pitch(dragon: Scene | Simulated | AnyDragon | None = None, *, diameter_m: float = 9.0,
-                  start_turns: float | None = None, largest_m: float = 1.0, within_m: float = 4e-11,
-                  smallest_m: float | None = None, progress: Progress = _quiet) -> 'MinPitch':
-        """Return the smallest pitch found at which the head reaches a circle without a contact.
-
-        Runs at pitches from ``largest_m`` down to the result, one per cent apart (``clear_m``), are proved to have no
-        contact; nothing is proved between them. ``dragon`` is a dragon or a scene; None means the classic dragon. The
-        head starts ``start_turns`` turns from the centre: by default, as in the scene, or 16 without a scene. The
-        bounds of the result are at most ``within_m`` apart, and a few errors of a gap more. The search ends at
-        ``smallest_m``, by default where the head starts on the circle. Raises FieldError.
-        """
-        from dragon_ros.core.search.min_pitch import min_pitch
-        if not isinstance(dragon, (Dragon, Mixed, NoneType)):
-            scene = _scene('dragon', dragon)
-            if scene.venue is not None:
-                raise FieldError('dragon', 'a scene with a venue', 'obstacles are not taken into account',
-                                 'give its dragon: scene.dragon')
-            dragon = scene.dragon
-            start_turns = scene.spiral.start_turns if start_turns is None else start_turns
-        start_turns = 16.0 if start_turns is None else number('start_turns', start_turns)
-        return min_pitch(dragon, number('diameter_m', diameter_m), start_turns,
-                         number('largest_m', largest_m), number('within_m', within_m, above=0.0), progress,
-                         None if smallest_m is None else number('smallest_m', smallest_m))
-
-    @staticmethod
-    def fit(scene: Scene | Simulated, *, within_m: float | None = None,
-            progress: Progress = _quiet) -> 'BoundingBox | VenueFit':
-        """Return the space that a run requires or, in a venue, the smallest gap to each obstacle.
-
-        The bounds are at most ``within_m`` apart; the default is 1e-10 m, or 1e-6 m in a venue. Raises FieldError.
-        """
-        given = _scene('scene', scene)
-        within = None if within_m is None else number('within_m', within_m, above=0.0)
-        if given.venue is not None:
-            from dragon_ros.core.search.venue_fit import venue_fit
-            return venue_fit(given, within or 1e-6, progress)
-        from dragon_ros.core.search.bounding_box import bounding_box
-        return bounding_box(given, within or 1e-10, progress)
-
-    @staticmethod
-    def max_speed(scene: Scene | Simulated, *, progress: Progress = _quiet) -> 'MaxSpeed':
-        """Return the largest ratio of a handle's speed to the leader's. Raises FieldError if the run ends in a lock.
-
-        ``max_speed(scene).leader_m_s(2.0)`` returns the largest leader speed at which no handle exceeds 2 m/s, and the
-        amount by which this speed may be too large.
-        """
-        from dragon_ros.core.search.max_speed import max_speed
-        return max_speed(_scene('scene', scene), progress)
-
-    @staticmethod
-    def turn(scene: Scene | Simulated) -> 'TurnAnswer':
-        """Return the length of a scene's S-turn and of shorter alternatives.
-
-        Raises FieldError if the scene has no S-turn.
-        """
-        from dragon_ros.core.tracks.composite import least_radius_m
-        from dragon_ros.core.tracks.s_turn import turn_answer
-        given = _scene('scene', scene)
-        if not isinstance(given.track, STurn):
-            raise FieldError('track.kind', scene_values(given)['track']['kind'], 'its track has no S-turn',
-                             "give a scene whose track.kind is turn, such as dr.scene('turning')")
-        return turn_answer(given.track, least_radius_m(given.dragon.link_lengths_m))
-
-    @staticmethod
-    def turn_poses(turn: STurn, along_m: Sequence[float] | Floats) -> tuple[Floats, Floats]:
-        """Return points (m, shape (..., 2)) and unit headings on an S-turn, with its spirals.
-
-        ``along_m`` (...) are distances along the track from the entry; they are negative before it.
-        """
-        from dragon_ros.core.tracks.composite import track_of
-        track, metres = track_of(turn), np.asarray(along_m, dtype=np.float64)
-        return track.poses(*track.places_at(metres, np.zeros_like(metres)))
-
-
-design = Design()
+    from dragon_ros.pictures.dragon import svg_of
+    from dragon_ros.pictures.sources import SceneSource
+    return svg_of(SceneSource('dragon', given_scene('of', of)))
 
 
 def _draw_in_jupyter() -> None:

@@ -6,17 +6,17 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import dragon_ros as dr
 from dragon_ros.cli import command_line, figures
 from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.ranges import times_of
-from dragon_ros.core.errors import FieldError, InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from dragon_ros.cli.pool import Pool
-    from dragon_ros.commands.plot.zoom import Zoom
-    from dragon_ros.commands.sources import Source
+    from dragon_ros.pictures.sources import Source
+    from dragon_ros.pictures.zoom import Zoom
     Drawing = tuple[Figure, str]        # a figure, and the caption's text about the run and its times
 
 _MOST_TIMES = 8         # largest number of times listed in a caption
@@ -78,16 +78,16 @@ def _add_animation_options(parser: argparse.ArgumentParser) -> None:
 def _run(arguments: Namespace) -> int:
     paths: list[Path] = arguments.output or [arguments.default]
     if arguments.dpi is not None and not 10 <= arguments.dpi <= 1200:
-        raise FieldError('--dpi', arguments.dpi, 'it must lie between 10 and 1200', f'omit it for {_DPI}')
+        raise dr.FieldError('--dpi', arguments.dpi, 'it must lie between 10 and 1200', f'omit it for {_DPI}')
     if arguments.kind == 'animation':
         _check_animation(arguments, paths)
     else:
         for path in paths:
             if path.suffix.lower() not in figures.FORMATS:
-                raise InputError(f'--output {path}: it is not a picture; the suffix must be one of '
+                raise dr.InputError(f'--output {path}: it is not a picture; the suffix must be one of '
                                  f'{", ".join(figures.FORMATS)}')
     from dragon_ros.cli.pool import Pool
-    from dragon_ros.commands.sources import opened
+    from dragon_ros.commands.opened import opened
     pool = Pool(arguments.workers)
     with opened(arguments, pool) as source, figures.style():
         for path in _draw(arguments, source, paths, pool):
@@ -103,7 +103,7 @@ def _check_animation(arguments: Namespace, paths: list[Path]) -> None:
                  for name in ('around', 'span', 'follow', 'dpi', 'size')}
         command_line.check_taken(f'an animation in {" and ".join(kinds)}', given,
                                  set().union(*(_TAKES[kind] for kind in kinds)))
-    from dragon_ros.commands.plot.film import prepared_as
+    from dragon_ros.pictures.film import prepared_as
     for path in paths:
         if path.suffix.lower() != '.html':
             prepared_as(path)
@@ -119,7 +119,7 @@ def _draw(arguments: Namespace, source: 'Source', paths: list[Path], pool: 'Pool
 
 
 def _moving(arguments: Namespace, source: 'Source', path: Path, pool: 'Pool') -> Path:
-    from dragon_ros.commands.plot.animation import AnimatedFigure, animate, film_size, frame_times
+    from dragon_ros.pictures.animation import AnimatedFigure, animate, film_size, frame_times
     kind = path.suffix.lower()
     fps = arguments.fps or (30 if kind == '.mp4' else 20)
     times_s = frame_times(source, arguments.start, arguments.stop, arguments.pace, fps)
@@ -134,36 +134,37 @@ def _moving(arguments: Namespace, source: 'Source', path: Path, pool: 'Pool') ->
 
 def _zoom(arguments: Namespace) -> 'Zoom | None':
     """Return the part of the picture to show. Raises InputError if --follow is given for a fixed centre."""
-    from dragon_ros.commands.plot.zoom import zoom_of
+    from dragon_ros.pictures.zoom import zoom_of
     follow = getattr(arguments, 'follow', False)
     zoom = zoom_of(arguments.around or ('head' if follow else None), arguments.span)
     if follow and zoom is not None and zoom.around not in ('head', 'tail'):
-        raise InputError(f'--follow: nothing moves at {arguments.around}; give --around head or tail, or omit --follow')
+        raise dr.InputError(f'--follow: nothing moves at {arguments.around}; give --around head or tail, or omit '
+                            '--follow')
     return zoom
 
 
 def _dragon(arguments: Namespace, source: 'Source') -> 'Drawing':
-    from dragon_ros.commands.plot.dragon import dragon_picture
+    from dragon_ros.pictures.dragon import dragon_picture
     times_s = _times(arguments, source)
     return dragon_picture(source, times_s, _zoom(arguments)), _said(times_s)
 
 
 def _contact(arguments: Namespace, source: 'Source') -> 'Drawing':
-    from dragon_ros.commands.plot.dragon import contact_picture
+    from dragon_ros.pictures.dragon import contact_picture
     touch = source.first_touch(_shown('ticks'))
     if touch is None:
-        raise InputError(f'{source.name}: no benches touch in this run; draw the dragon instead (plot dragon)')
+        raise dr.InputError(f'{source.name}: no benches touch in this run; draw the dragon instead (plot dragon)')
     return contact_picture(source, touch), f'{touch.t_s:.6f} s'
 
 
 def _clearance(arguments: Namespace, source: 'Source') -> 'Drawing':
-    from dragon_ros.commands.plot.series import clearance_picture
+    from dragon_ros.pictures.series import clearance_picture
     first, last = source.span_s
     return clearance_picture(source, _shown('states')), f'{first:g} to {last:g} s'
 
 
 def _speeds(arguments: Namespace, source: 'Source') -> 'Drawing':
-    from dragon_ros.commands.plot.series import speeds_picture
+    from dragon_ros.pictures.series import speeds_picture
     times_s = _times(arguments, source)
     return speeds_picture(source, times_s), _said(times_s)
 

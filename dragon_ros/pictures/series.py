@@ -5,9 +5,9 @@ from matplotlib.figure import Figure
 
 from dragon_ros.cli import figures
 from dragon_ros.cli.figures import DASHES, HEAD, LINES, PAGE_IN, POINT, QUIET
-from dragon_ros.commands.sources import Moment, Progress, Source, Touch, check_times, clearances, thinned
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
+from dragon_ros.pictures.sources import Moment, Progress, Source, Touch, check_times, clearances, thinned
 
 MOST_POINTS = 1500          # number of points per curve, more than a screen can show
 _CLOSE_S = 15.0             # duration (s) shown before the contact

@@ -1,14 +1,13 @@
 """Find the first contact and the clearance over time in a bag."""
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any
 
 from dragon_ros.bags.read.frames import BagFrame, RecordedObstacles, Walk, claimed_contact, frames
 from dragon_ros.bags.read.reader import BagReader
-from dragon_ros.cli.progress import Progress
-from dragon_ros.commands.sources import SmallestGap
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.geometry.near_obstacles import SmallestGap
 from dragon_ros.core.limits import PROOF_S, SEARCH_WORK, SEARCHED_BENCHES
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
@@ -18,45 +17,68 @@ from dragon_ros.messages.decode import MessageError, Status, decode, read_diagno
 from dragon_ros.scenes.certificate import of_claim
 
 _STAMPED = 'clearance/stamped'
+Progress = Callable[[int], object]
 
 
-def first_contact_in(bag: BagReader, namespace: str, walk: Walk | None, trust: bool = False) -> dict[str, Any]:
-    """Return the first contact and its source, which is either the topic ``collision`` or a search of the scene.
+@dataclass(frozen=True)
+class RecordedContact:
+    """The first contact of a recorded run; ``t_s`` is None if there is none or if it is unknown.
+
+    ``source`` is 'collision' for the report of a monitor, 'scene' for a search of the scene, and None if the bag has
+    neither. ``benches`` are two benches, or one bench that touches ``obstacle``. ``unsearched`` states why the scene
+    was not searched to the end of the recording. ``in_bag`` tells whether the bag includes the time of the contact.
+    """
+
+    source: str | None
+    t_s: float | None = None
+    benches: tuple[int, ...] = ()
+    point_m: tuple[float, float] | None = None
+    obstacle: str | None = None
+    in_bag: bool | None = None
+    unsearched: str | None = None
+
+
+def _quiet(states: int) -> None:
+    """Show no progress."""
+
+
+def first_contact_in(bag: BagReader, namespace: str, walk: Walk | None, trust: bool = False,
+                     progress: Progress = _quiet) -> RecordedContact:
+    """Return the first contact, either from the topic ``collision`` or from a search of the scene.
 
     The scene is untrusted input: unless ``trust`` is set, a search beyond the budgets is skipped (``unsearched``).
     """
-    reported = _reported(bag, f'{namespace}/collision')
-    if reported is not None:
-        return reported
+    for status in contacts_on(bag, f'{namespace}/collision'):
+        with suppress(KeyError, ValueError):        # the status is from another publisher
+            return _reported(status)
     if walk is None:
-        return {'source': None, 't_s': None}
+        return RecordedContact(None)
     try:
-        found = searched(walk.scene, trust)
+        found = searched(walk.scene, trust, progress)
     except InputError as error:
-        return {'source': 'scene', 't_s': None, 'unsearched': str(error)}
+        return RecordedContact('scene', unsearched=str(error))
     if not isinstance(found, Contact):
-        return {'source': 'scene', 't_s': None, **({'unsearched': walk.lack} if walk.lack else {})}
-    return {'source': 'scene', 't_s': found.t_s + walk.scene.run.stamp_offset_s,
-            'benches': list(found.benches), 'point_m': list(found.point_m),
-            **({'obstacle': found.obstacle.name} if found.obstacle else {}),
-            'in_bag': bool(bag.start_ns <= walk.scene.run.stamp_ns(found.t_s) <= bag.end_ns)}
+        return RecordedContact('scene', unsearched=walk.lack or None)
+    return RecordedContact('scene', found.t_s + walk.scene.run.stamp_offset_s, tuple(found.benches), found.point_m,
+                           found.obstacle.name if found.obstacle else None,
+                           bool(bag.start_ns <= walk.scene.run.stamp_ns(found.t_s) <= bag.end_ns))
 
 
-def searched(scene: Scene, trust: bool) -> Contact | NoContact:
+def searched(scene: Scene, trust: bool, progress: Progress = _quiet) -> Contact | NoContact:
     """Return the first contact of a scene. Raises InputError if the search exceeds its budgets."""
     benches, states = scene.dragon.benches, 0
     if benches > SEARCHED_BENCHES and not trust:
         raise InputError(f'the scene has {benches} benches, but only scenes with up to {SEARCHED_BENCHES} are '
                          'searched for contacts; give --trust')
-    with Progress('contact', 'states') as bar:
-        def spend(more: int) -> None:
-            nonlocal states
-            states += more
-            bar.update(more)
-            if states * benches > SEARCH_WORK and not trust:
-                raise InputError(f'searching the scene for contacts takes more than {states} states of {benches} '
-                                 'benches; give --trust')
-        return first_contact(scene, spend)
+
+    def spend(more: int) -> None:
+        nonlocal states
+        states += more
+        progress(more)
+        if states * benches > SEARCH_WORK and not trust:
+            raise InputError(f'searching the scene for contacts takes more than {states} states of {benches} '
+                             'benches; give --trust')
+    return first_contact(scene, spend)
 
 
 def end_in_contact(bag: BagReader, namespace: str, scene: Scene, trust: bool) -> tuple[float | None, str | None]:
@@ -71,7 +93,7 @@ def end_in_contact(bag: BagReader, namespace: str, scene: Scene, trust: bool) ->
         claim = claimed_contact(bag, namespace)
         if claim is None:
             raise
-        from dragon_ros.commands.checker import prove  # imported lazily, because few bags need the checker
+        from dragon_ros.scenes.checker import prove  # imported lazily, because few bags need the checker
         try:
             said = prove(of_claim(scene, claim), PROOF_S)
         except InputError as why:
@@ -80,28 +102,23 @@ def end_in_contact(bag: BagReader, namespace: str, scene: Scene, trust: bool) ->
     return (found.t_s if isinstance(found, Contact) else None), None
 
 
-def _reported(bag: BagReader, topic: str) -> dict[str, Any] | None:
-    """Return the first contact that a monitor reported in the bag, or None."""
+def contacts_on(bag: BagReader, topic: str) -> Iterator[Status]:
+    """Yield the beginnings of contacts that a monitor reported on a topic; messages of other types are ignored."""
     for message in bag.messages([topic]):
-        try:
-            for status in read_diagnostics(message.data):
-                if status.values.get('phase') == 'begin':
-                    return _event(status)
-        except (MessageError, KeyError, ValueError):
-            continue        # the status is from another publisher
-    return None
+        with suppress(MessageError):
+            yield from (one for one in read_diagnostics(message.data) if one.values.get('phase') == 'begin')
 
 
-def _event(status: Status) -> dict[str, Any]:
-    values = status.values
-    obstacle = {'obstacle': values['obstacle']} if 'obstacle' in values else {}
-    return {'source': 'collision', 't_s': float(values['t_contact_s']), 'in_bag': True,
-            'benches': [int(values[name]) for name in ('inner', 'outer')[:1 if obstacle else 2]], **obstacle,
-            'point_m': [float(values['x_m']), float(values['y_m'])]}
+def _reported(status: Status) -> RecordedContact:
+    """Return the contact in a report. Raises KeyError or ValueError if it has other values."""
+    values, obstacle = status.values, status.values.get('obstacle')
+    return RecordedContact('collision', float(values['t_contact_s']),
+                           tuple(int(values[name]) for name in (('inner',) if obstacle else ('inner', 'outer'))),
+                           (float(values['x_m']), float(values['y_m'])), obstacle, True)
 
 
 @dataclass(frozen=True)
-class Clearance:
+class ClearanceOverTime:
     """Smallest signed gaps (m), their times (s) and their source topic; the numbers of examined and of all ticks."""
 
     source: str
@@ -111,7 +128,7 @@ class Clearance:
     ticks: int
 
 
-def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
+def clearance_in(bag: BagReader, namespace: str, looks: int, progress: Progress = _quiet) -> ClearanceOverTime:
     """Return the clearance over time from the stamped topic or, without that topic, from ``looks`` ticks (0 for all).
 
     Obstacles in the bag are included.
@@ -124,13 +141,14 @@ def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
     if counts.get(f'{namespace}/{_STAMPED}'):
         rows = [_stamped(m.data) for m in bag.messages([f'{namespace}/{_STAMPED}'])]
         return _of(rows, _STAMPED, len(rows), ticks)
-    seen = _every(bag, namespace, ticks) if looks == 0 or looks >= ticks else _some(bag, namespace, looks)
+    seen = frames(bag, namespace) if looks == 0 or looks >= ticks else _some(bag, namespace, looks)
     rows, examined, gap = [], 0, SmallestGap()
     recorded: RecordedObstacles | None = None
     for frame in seen:
         recorded = recorded or RecordedObstacles(bag, namespace, frame.frame_id)
         gap.surround(recorded.at(frame.t_ns))
         examined += 1
+        progress(1)
         if frame.benches is not None:
             rows.append((frame.t_ns / NS, gap.at_m(frame.handles_m, frame.benches)))
     return _of(rows, 'benches', examined, ticks)
@@ -142,19 +160,15 @@ def _stamped(data: bytes) -> tuple[float, float]:
     return read_stamp_ns(data) / NS, gap_m
 
 
-def _of(rows: list[tuple[float, float]], source: str, looks: int, ticks: int) -> Clearance:
+def _of(rows: list[tuple[float, float]], source: str, looks: int, ticks: int) -> ClearanceOverTime:
     near = [row for row in rows if isfinite(row[1])]
-    return Clearance(source, [t_s for t_s, _ in near], [gap for _, gap in near], looks, ticks)
-
-
-def _every(bag: BagReader, namespace: str, ticks: int) -> Iterator[BagFrame]:
-    yield from Progress('clearance', 'ticks', ticks)(frames(bag, namespace))
+    return ClearanceOverTime(source, [t_s for t_s, _ in near], [gap for _, gap in near], looks, ticks)
 
 
 def _some(bag: BagReader, namespace: str, looks: int) -> Iterator[BagFrame]:
     """Yield the first tick at or after each of ``looks`` evenly spaced times."""
     span = bag.end_ns - bag.start_ns
-    for n in Progress('clearance', 'ticks', looks)(range(looks)):
+    for n in range(looks):
         frame = next(frames(bag, namespace, bag.start_ns + span * n // max(1, looks - 1)), None)
         if frame is not None:
             yield frame

@@ -1,1 +1,0 @@
-"""``plot``: pictures of a scene or a bag."""
