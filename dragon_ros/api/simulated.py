@@ -48,7 +48,7 @@ def quiet(states: int) -> None:
 def scene(name_or_path: str | PathLike[str] = 'winding', **changes: Any) -> Scene:
     """Return a scene of the package by name, or the scene in a file, with changes applied.
 
-    The changes use the keys of a scene file: ``scene('winding', track={'pitch_m': 0.5}, accuracy='fine')``. Scenes are
+    The changes use the keys of a scene file: ``scene('winding', track={'pitch_m': 0.5}, solver='march')``. Scenes are
     frozen, compare by value and can be pickled. Raises an InputError that names the invalid key, or a MissingError for
     an unknown scene.
     """
