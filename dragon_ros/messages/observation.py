@@ -176,12 +176,15 @@ def checked_stamp(t_ns: int) -> int:
     return t_ns
 
 
-def read_handles(data: bytes) -> Poses:
-    """Return the poses of a PoseArray. Raises MessageError if the poses cannot be the handles of a dragon."""
+def read_handles(data: bytes, below_m: float = COORDINATE_M) -> Poses:
+    """Return the poses of a PoseArray.
+
+    Raises MessageError if the poses cannot be the handles of a dragon whose coordinates are smaller than ``below_m``.
+    """
     poses = read_pose_array(data)
     if len(poses.poses) < 2:
         raise MessageError(f'handles: the number of poses is {len(poses.poses)}; a dragon has at least two handles')
-    _finite('handles: position', poses.poses[:, :2])
+    _finite('handles: position', poses.poses[:, :2], below_m)
     return poses
 
 
@@ -347,11 +350,11 @@ def _placed(points: Floats, markers: Markers, marker: int) -> Floats:
     return out
 
 
-def _finite(what: str, values: Floats) -> Floats:
+def _finite(what: str, values: Floats, below: float = COORDINATE_M) -> Floats:
     """Return values as native floats. Raises MessageError unless all of them are finite and below the limit."""
     values = np.ascontiguousarray(values, dtype=np.float64)
     size = np.abs(values)
-    if not np.maximum.reduce(size, axis=None, initial=0.0) < COORDINATE_M:
-        row = int(np.argwhere(~(size < COORDINATE_M))[0][0])
-        raise MessageError(f'{what} {row} is {values[row].tolist()}; expected finite numbers below {COORDINATE_M:g}')
+    if not np.maximum.reduce(size, axis=None, initial=0.0) < below:
+        row = int(np.argwhere(~(size < below))[0][0])
+        raise MessageError(f'{what} {row} is {values[row].tolist()}; expected finite numbers below {below:g}')
     return values
