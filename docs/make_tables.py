@@ -83,9 +83,11 @@ def _says_late(channel: Channel) -> bool:
 
 
 def qualities() -> str:
-    """Return the quality of service of each topic."""
-    return table('topic | reliability | durability | depth', (
-        (f'`{name}`', one.reliability, one.durability, str(one.depth)) for name, one in channels().items()))
+    """Return the topics of each quality of service."""
+    found: dict[tuple[str, str, str], list[str]] = {}
+    for name, one in channels().items():
+        found.setdefault((one.reliability, one.durability, str(one.depth)), []).append(f'`{name}`')
+    return table('reliability | durability | depth | topics', ((*of, ', '.join(names)) for of, names in found.items()))
 
 
 def parameters(rows: tuple[params.Parameter, ...]) -> str:
