@@ -1,10 +1,10 @@
 """Near misses: local minima over time of the gap between two benches, below a threshold, before the first contact.
 
 They are sampled and refined, not proved: the gaps of all pairs that come close are evaluated every two centimetres of
-the leader's travel, and each minimum between three samples is refined by golden-section search. Near misses between a
-bench and an obstacle of the venue are included. When the leader reverses, a closing gap also has a minimum. A dip that
-is narrower than the spacing of the samples, or shallower than a nanometre, may be missed. Pairs that the bounds of the
-search keep further apart than the threshold are not sampled.
+the leader's travel, and each minimum between three samples is refined by golden-section search. Pairs that stand
+exactly as another pair stood earlier (``repeats``) are not sampled: they have the same minima, at their own times. Near
+misses between a bench and an obstacle of the venue are included. When the leader reverses, a closing gap also has a
+minimum. A dip that is narrower than the spacing of the samples, or shallower than a nanometre, may be missed.
 """
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -16,10 +16,12 @@ from dragon_ros.core.geometry.broad_phase import boxes_within, candidates
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.geometry.signed_distance import gaps, seen_from, signed_gap
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints
+from dragon_ros.core.numerics.types import Array, Floats, Ints
+from dragon_ros.core.numerics.vectors import complex_of
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
-from dragon_ros.core.search.conservative_advancement import ChainIntervals, ChainSamples
+from dragon_ros.core.search.conservative_advancement import ChainIntervals
+from dragon_ros.core.search.repeats import Repeats
 from dragon_ros.core.search.search_domain import Pair, RangeOfTravel, SearchDomain
 
 MOST = 1000             # maximum number of listed near misses; the others are only counted
@@ -35,10 +37,8 @@ _REFINED = 1024         # maximum number of minima that are refined together, to
 _SAME_M = 1e-4          # minima of the same pair that are closer than this, in leader travel, count as one minimum
 _SAME_GAP_M = 1e-8      # an edge whose gap exceeds that of the obstacle by more is not the nearest edge
 _CLOSING_M = 1e-6       # leader travel before a reversal during which the gap must decrease
-_COMPLEX = np.array([1, 1j])
-
-
-Ends = tuple[ChainSamples, ChainSamples]
+_NEWTON = 8             # maximum number of iterations; three suffice if handles are about as fast as the leader
+_THERE_M = 1e-9         # tolerance for a position found by Newton's method
 
 
 @dataclass(frozen=True)
@@ -131,36 +131,73 @@ def _dips_of(domain: SearchDomain, below_m: float) -> list[_Dip]:
     def gaps_at(places: Floats, pairs: Ints) -> Floats:
         return _gaps(domain, domain.chains(places), pairs)
 
-    space, brackets = ChainIntervals(domain), []
-    for start_m, stop_m in domain.phases(domain.start_m, domain.stop_m):
-        for places in _grids(min(start_m, stop_m), max(start_m, stop_m), _SPACING_M):
-            ends = space.sample(places[:1]), space.sample(places[-1:])
-            far = space.layers_m(*ends)[0] > below_m
-            if domain.around is None and np.all(far):
-                continue
-            chain = domain.chains(places)
-            domain.count(places.size)
-            pairs = _near(space, domain, chain, (ends, far), below_m)
-            if pairs.size:
-                brackets.append(_bracketed(places, pairs, _gaps(domain, chain, pairs), below_m))
-    return _dips(gaps_at, brackets, below_m)
+    space, repeats, brackets = ChainIntervals(domain), Repeats(domain, 2 * _SPACING_M), []
+    phases = domain.phases(domain.start_m, domain.stop_m)
+    for start_m, stop_m in phases:
+        for blocks in _grids(min(start_m, stop_m), max(start_m, stop_m)):
+            one, two = (space.sample(np.array([places[end] for places in blocks])) for end in (0, -1))
+            apart = space.layers_m(one, two) > below_m
+            first = np.where(apart, domain.dragon.benches, repeats.first(one.along_m, two.along_m))
+            for n, places in enumerate(blocks):
+                if domain.around is None and np.all(first[n, :-2] >= domain.dragon.benches):
+                    continue
+                chain = domain.chains(places)
+                domain.count(places.size)
+                pairs = _near(domain, chain, first[n], below_m)
+                new = ~repeats.repeated(one.along_m[n], two.along_m[n], *np.minimum(pairs, domain.dragon.benches - 1).T)
+                pairs = pairs[new | (pairs[:, 1] >= domain.dragon.benches)]
+                if pairs.size:
+                    brackets.append(_bracketed(places, pairs, _gaps(domain, chain, pairs), below_m))
+    dips = _dips(gaps_at, brackets, below_m)
+    return [*dips, *(again for phase in phases for again in _repeated(domain, repeats, dips, phase))]
 
 
-def _near(space: ChainIntervals, domain: SearchDomain, chain: Chain, between: tuple[Ends, Array],
-          below_m: float) -> Ints:
-    """Return the pairs (K, 2) that may come closer than ``below_m`` in any of some chains.
-
-    ``between`` holds the first and the last state, and whether each bench is far from all behind it in between.
-    """
-    (ends, far), corners = between, benches_of(chain, domain.dragon, axes_of(chain)).corners
-    low, high = corners.min(axis=(0, 2)), corners.max(axis=(0, 2))
-    ((i, j),) = boxes_within(low[None], high[None], np.array([below_m]), np.where(far, far.size, 0)[None])
-    bound_m = space.by_acceleration(*ends, np.zeros_like(i), i, j)[0] if i.size else np.empty(0)
-    pairs = np.stack((i, j), axis=1)[bound_m <= below_m]
+def _near(domain: SearchDomain, chain: Chain, first: Ints, below_m: float) -> Ints:
+    """Return the pairs (K, 2) whose boxes come closer than ``below_m`` in some chains, from bench ``first`` (N,) on."""
+    corners = benches_of(chain, domain.dragon, axes_of(chain)).corners
+    low, high = corners.min(axis=0).min(axis=1), corners.max(axis=0).max(axis=1)     # faster than one reduction
+    ((i, j),) = boxes_within(low[None], high[None], np.array([below_m]), first[None])
+    pairs = np.stack((i, j), axis=1)
     if domain.around is None:
         return pairs
     bench, edge = domain.around.in_boxes(low - below_m, high + below_m)
     return np.concatenate((pairs, np.stack((bench, edge + domain.dragon.benches), axis=1)))
+
+
+def _repeated(domain: SearchDomain, repeats: Repeats, dips: list[_Dip], phase: tuple[float, float]) -> list[_Dip]:
+    """Return the dips of the pairs that repeat the pairs of some dips, in one phase of the leader's motion."""
+    out, (here_m, there_m) = list[tuple[_Dip, Pair, int, float, float]](), (domain.along_m(end) for end in phase)
+    for dip in dips:
+        if domain.edge_of(dip.pair) is None:
+            all_m = domain.along_m(dip.place)
+            along_m = all_m[repeats.place_of(dip.pair)]
+            for pair in repeats.all_of(dip.pair)[1:]:
+                handle = repeats.place_of(pair)
+                if (here_m[handle] - along_m) * (there_m[handle] - along_m) < 0:
+                    guess_m = dip.place - domain.leader.direction * (along_m - all_m[handle])
+                    out.append((dip, pair, handle, along_m, guess_m))
+    if not out:
+        return []
+    same, pairs, handles, along, guesses = zip(*out, strict=True)
+    gone_m = _gone_at(domain, np.array(handles), np.array(along), np.array(guesses), phase).tolist()
+    return [_Dip(pair, place, dip.gap_m) for dip, pair, place in zip(same, pairs, gone_m, strict=True)]
+
+
+def _gone_at(domain: SearchDomain, handle: Ints, along_m: Floats, guess_m: Floats,
+             within: tuple[float, float]) -> Floats:
+    """Return the leader positions at which handles (M,) are at distances (M,) along the track."""
+    row, gone_m = np.arange(handle.size), np.clip(guess_m, min(within), max(within))
+    missing = np.zeros(handle.size)
+    for _ in range(_NEWTON):
+        chain = domain.chains(gone_m)
+        speed = np.sum(chain.velocities(np.ones(handle.size)) * chain.headings, axis=-1)[row, handle]
+        missing = along_m - domain.track.distances(chain.segment, chain.u)[row, handle]
+        if np.all(np.abs(missing) < _THERE_M):
+            break
+        gone_m = np.clip(gone_m + missing / np.where(speed == 0, 1.0, speed), min(within), max(within))
+    for n in np.flatnonzero(np.abs(missing) >= _THERE_M).tolist():
+        gone_m[n] = domain.gone_at(int(handle[n]), float(along_m[n]), within)
+    return gone_m
 
 
 def _gaps(domain: SearchDomain, chain: Chain, pairs: Ints) -> Floats:
@@ -176,18 +213,19 @@ def _gaps(domain: SearchDomain, chain: Chain, pairs: Ints) -> Floats:
 
 
 def _rectangles(domain: SearchDomain, chain: Chain, row: Ints, bench: Ints
-                ) -> tuple[Complexes, Complexes, tuple[Floats, Floats]]:
+                ) -> tuple[Array, Array, tuple[Floats, Floats]]:
     """Return the centres, axes and half sizes of benches in the given chains."""
-    front, rear = (chain.p[row, handle] @ _COMPLEX for handle in (bench, bench + 1))
-    half_length, half_width = domain.dragon.half_sizes_m
-    return 0.5 * (front + rear), (front - rear) / np.abs(front - rear), (half_length[bench], half_width[bench])
+    front, rear = (complex_of(chain.p[row, handle]) for handle in (bench, bench + 1))
+    middle, link, (half_length, half_width) = 0.5 * (front + rear), front - rear, domain.dragon.half_sizes_m
+    return middle, link / np.abs(link), (half_length[bench], half_width[bench])
 
 
-def _grids(low: float, high: float, step: float) -> Iterator[Floats]:
-    """Yield equidistant positions in parts that overlap by two positions, so that no dip falls between parts."""
-    places = np.linspace(low, high, max(3, 2 + int((high - low) / step)), dtype=np.float64)
-    for start in range(0, places.size - 2, _AT_ONCE - 2):
-        yield places[start:start + _AT_ONCE]
+def _grids(low: float, high: float) -> Iterator[list[Floats]]:
+    """Yield groups of blocks of equidistant positions; blocks overlap by two, so that no dip falls between them."""
+    places = np.linspace(low, high, max(3, 2 + int((high - low) / _SPACING_M)), dtype=np.float64)
+    starts = range(0, places.size - 2, _AT_ONCE - 2)
+    for group in range(0, len(starts), _AT_ONCE):
+        yield [places[start:start + _AT_ONCE] for start in starts[group:group + _AT_ONCE]]
 
 
 def _bracketed(places: Floats, pairs: Ints, gap_m: Floats, below_m: float) -> tuple[Ints, Floats, Floats]:

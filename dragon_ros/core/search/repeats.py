@@ -12,7 +12,7 @@ Here n is the period of the dragon: 1 if most links equal their neighbours, 2 if
 import numpy as np
 
 from dragon_ros.core.numerics.types import Array, Floats, Ints
-from dragon_ros.core.search.search_domain import SearchDomain
+from dragon_ros.core.search.search_domain import Pair, SearchDomain
 from dragon_ros.core.tracks.segments import BEHIND
 
 _LONGEST = 8            # longest period that is looked for, in benches
@@ -22,15 +22,18 @@ _MARGIN = 4             # how far a bench must have passed a place, as a multipl
 class Repeats:
     """The pairs of a domain that repeat earlier ones: those of benches i and j up to a limit for each i."""
 
-    def __init__(self, domain: SearchDomain) -> None:
-        """Find the period of the dragon and where its benches start."""
+    def __init__(self, domain: SearchDomain, margin_m: float = 0.0) -> None:
+        """Find the period of the dragon and where its benches start.
+
+        A bench counts as past a place only if it started at least ``margin_m`` before it.
+        """
         links_m = domain.dragon.link_lengths_m
         self._behind = domain.leader.direction == BEHIND
         self._period = _period(links_m)
         self._start_m = self._places(domain.along_m(domain.start_m))
         lead = 0 if self._behind else -1
         self._forwards = bool(self._places(domain.along_m(domain.stop_m))[lead] > self._start_m[lead])
-        self._margin_m = _MARGIN * domain.error_m
+        self._margin_m = max(margin_m, _MARGIN * domain.error_m)
         # Bench i repeats with benches before limit[i]; the links from i up to there equal those one period earlier.
         ends = _ends_of_runs(links_m[self._period:] == links_m[:-self._period])
         none = np.zeros(min(self._period, links_m.size), dtype=np.int64)
@@ -50,6 +53,18 @@ class Repeats:
         again = self._passed(one_m[None], two_m[None])[0]
         out: Array = again[i if self._behind else j] & (j < self.limit[i])
         return out
+
+    def all_of(self, pair: Pair) -> list[Pair]:
+        """Return a pair and those that repeat it, in the order in which they do."""
+        (i, j), step, out = pair, self._period if self._forwards else -self._period, [pair]
+        while i + step >= 0 and j + step < min(self.limit.size, self.limit[i + step]):
+            i, j = i + step, j + step
+            out.append((i, j))
+        return out
+
+    def place_of(self, pair: Pair) -> int:
+        """Return the handle whose place determines where both benches of a pair are."""
+        return pair[0] if self._behind else pair[1] + 1
 
     def _places(self, along_m: Floats) -> Floats:
         """Return the places (..., N) of the handles that determine the benches behind (or ahead of) them."""
