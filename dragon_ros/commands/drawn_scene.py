@@ -217,8 +217,9 @@ def _route(arguments: Namespace, base: 'Scene', line: DrawnLine) -> tuple['Route
     """
     import numpy as np
 
+    from dragon_ros.core.limits import DRAWING_WORK
     from dragon_ros.core.tracks.composite import least_radius_m
-    from dragon_ros.core.tracks.drawn import Work, along, noise_m
+    from dragon_ros.core.tracks.drawn import along, noise_m
     least_m = least_radius_m(base.dragon.link_lengths_m)
     given = arguments.radius
     radius_m = _EASY * least_m if given is None else number('--radius', given, above=0.0, high=1e6)
@@ -226,16 +227,17 @@ def _route(arguments: Namespace, base: 'Scene', line: DrawnLine) -> tuple['Route
         raise FieldError('--radius', radius_m, f'these benches can walk bends with a radius of {least_m:.4g} m or '
                          'more, 1.01 times half the longest link',
                          f'give at least {least_m:.4g}, or use shorter benches')
-    work, least = Work(), least_m * (1 + 1e-9)
+    least = least_m * (1 + 1e-9)
     if arguments.tolerance is not None:
         tolerance_m = number('--tolerance', arguments.tolerance, low=1e-5, high=1e3)
-        return along(line.parts, radius_m, least, tolerance_m, work), least_m, radius_m, tolerance_m
+        return along(line.parts, radius_m, least, tolerance_m), least_m, radius_m, tolerance_m
     noise = max((noise_m(part) for part in line.parts if isinstance(part, np.ndarray)), default=0.0)
     tolerances = [*(one for one in _TOLERANCES_M if one > _NOISES * noise), _LARGEST_M]
     is_recording = any(isinstance(part, np.ndarray) and len(part) >= _RECORDED for part in line.parts)
+    limit = DRAWING_WORK // _SHARED if is_recording else DRAWING_WORK
     for tolerance_m in tolerances if is_recording else tolerances[:1]:
         try:
-            return along(line.parts, radius_m, least, tolerance_m, Work(work.limit // _SHARED)), least_m, radius_m, (
+            return along(line.parts, radius_m, least, tolerance_m, limit), least_m, radius_m, (
                 tolerance_m)
         except InputError as error:
             refused = error

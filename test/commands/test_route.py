@@ -42,7 +42,6 @@ def test_a_corner_becomes_a_scene_whose_dragon_stands_on_the_drawing(capsys, tmp
     assert scene.track.start_m == pytest.approx(compile_scene(scene).model.length_m)
 
 
-@pytest.mark.xfail(strict=True, reason='corners of a finely drawn curve are rounded one by one, 0.04 m off (0.4.0)')
 def test_a_track_that_plot_drew_is_read_again_within_the_tolerance(capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(['plot', 'dragon', '--scene', 'turning', '--set', 'dragon.benches=9', '--output', 'turn.svg']) == 0

@@ -14,14 +14,15 @@ from math import ceil, degrees, inf, pi, sqrt, tan
 from typing import NamedTuple
 
 import numpy as np
-from shapely import LineString, distance, get_coordinates, prepare
+from numpy.typing import NDArray
+from shapely import LineString, STRtree, get_coordinates, linestrings
 from shapely import points as shapely_points
 
 from dragon_ros.core.domain import PIECES
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.limits import DRAWING_WORK
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
-from dragon_ros.core.tracks.biarcs import Bow, biarc, fitted, strays_m
+from dragon_ros.core.tracks.biarcs import Bow, biarc, fitted
 from dragon_ros.core.tracks.spec import Arc, Line, Piece
 
 LEAD_IN_M = 1.0         # length of the line added before a track that would otherwise begin with a bend
@@ -35,7 +36,8 @@ _FEWEST, _FINER = 6, 1.7     # number of blocks at first; factor by which blocks
 _MANY = 1500            # maximum number of points that are followed one by one; more are averaged in blocks
 _RECORDED = 50          # minimum number of points of a recording
 _MEDIAN_OF_NOISE = 1.44     # median of |p0 - 2 p1 + p2| / 2 of points with a noise of 1 in x and y
-_BETWEEN = 8000         # maximum number of samples between the points of a drawn part
+_MORE = 1e-3            # relative error of a measured deviation
+_SPARSE = 16            # one point in so many is looked at first, because most blocks are too large
 _ATTEMPT = 200          # the work of an attempt besides its points: the time of so many points
 _RETRIES = 4
 _TAUBIN, _PASSES, _TINY_M = (0.5, -0.53), 300, 1e-300
@@ -165,14 +167,14 @@ def _sampled(points: Complexes, rates: Complexes) -> SmoothPart:
 class Work:
     """Counts the work on a drawing, in points examined, and ends it at a limit."""
 
-    def __init__(self, limit: int = DRAWING_WORK) -> None:
-        """Start at zero."""
-        self.spent, self.limit = 0, limit
+    def __init__(self, limit: int = DRAWING_WORK, shares: int = 1) -> None:
+        """Start at zero, with one of so many equal shares of the limit."""
+        self.spent, self.limit, self.shares = 0, limit, shares
 
     def spend(self, points: int) -> None:
         """Count an attempt that examines so many points. Raises WorkError beyond the limit."""
         self.spent += _ATTEMPT + points
-        if self.spent > self.limit:
+        if self.spent * self.shares > self.limit:
             raise WorkError(f'the drawing takes more than {self.limit} steps of work; give a larger --tolerance, or '
                             'draw a simpler or shorter line', field='tolerance')
 
@@ -182,18 +184,19 @@ class WorkError(InputError):
 
 
 def along(parts: Sequence[DrawnPart], radius_m: float, least_m: float, tolerance_m: float,
-          work: Work | None = None) -> Route:
+          limit: int = DRAWING_WORK) -> Route:
     """Return a track of lines and arcs along a drawn line, whose parts must be joined end to end.
 
     Corners are rounded with the radius ``radius_m``. If the legs are too short for this radius, the largest radius
     that fits is used, down to ``least_m``, the smallest that the links can follow. Curves are fitted within
     ``tolerance_m``. If points are noisy, part of the tolerance is used to smooth them. Raises InputError with the
-    position if a bend does not fit, and WorkError if the work exceeds a limit.
+    position if a bend does not fit, and WorkError if the work, in points examined, exceeds ``limit``.
     """
-    work = work or Work()
     best: Route | None = None
     refused: InputError | None = None
-    for share, way in _attempts(parts):
+    attempts = _attempts(parts)
+    for share, way in attempts:
+        work = Work(limit, len(attempts))
         try:
             stretches = [stretch for one in parts for stretch in _stretches(one, share * tolerance_m, tolerance_m, way,
                                                                             work)]
@@ -201,7 +204,7 @@ def along(parts: Sequence[DrawnPart], radius_m: float, least_m: float, tolerance
                                       work)
         except WorkError as error:
             refused = error
-            break
+            continue
         except InputError as error:
             refused = refused or error
             continue
@@ -229,10 +232,9 @@ def _attempts(parts: Sequence[DrawnPart]) -> list[tuple[float, str]]:
         return [(0.0, 'points')]
     points, waves = [(share, 'points') for share in _EASED], [(share, 'waves') for share in _SMOOTHED]
     corners = [(0.0, 'corners')] if sum(counts) <= PIECES.high // 2 else []
-    is_noisy = max(counts) > _MANY or any(isinstance(one, np.ndarray) and noise_m(one) for one in parts)
-    if max(counts) > 2 * _MANY:
-        return waves
-    return [*waves, *points, *corners] if is_noisy else [*points, *waves, *corners]
+    if not any(isinstance(one, np.ndarray) and noise_m(one) for one in parts):
+        return [*points, *waves, *corners]
+    return waves if max(counts) > 2 * _MANY else [*waves, *points, *corners]
 
 
 def _within_tolerance(stretches: Sequence[SmoothPart], radius_m: float, least_m: float, fit_m: float,
@@ -258,13 +260,13 @@ def _stretches(part: DrawnPart, eased_m: float, tolerance_m: float, way: str, wo
         work.spend(len(stretch.points))
         return [stretch]
     if way == 'corners':
-        return through(part, part, np.arange(len(part)), 0.0, 0.0)
+        return _through(part, part, np.arange(len(part)), 0.0, 0.0, work)
     if way == 'waves':
-        eased, owners = _smoothed(part, eased_m)
-        return through(part, eased, owners, 0.0, _SIMPLIFIED * tolerance_m)
+        eased, owners = _smoothed(part, eased_m, work)
+        return _through(part, eased, owners, 0.0, _SIMPLIFIED * tolerance_m, work)
     work.spend(_PASSES * len(part) // 10 if eased_m else 0)
     left_m = tolerance_m - eased_m
-    return through(part, _eased(part, eased_m), np.arange(len(part)), left_m, _THINNED * left_m)
+    return _through(part, _eased(part, eased_m), np.arange(len(part)), left_m, _THINNED * left_m, work)
 
 
 def noise_m(points: Complexes) -> float:
@@ -279,7 +281,7 @@ def noise_m(points: Complexes) -> float:
     return float(np.median(np.abs(legs[1:] - legs[:-1])) / 2 / _MEDIAN_OF_NOISE)
 
 
-def _smoothed(points: Complexes, within_m: float) -> tuple[Complexes, Ints]:
+def _smoothed(points: Complexes, within_m: float, work: Work) -> tuple[Complexes, Ints]:
     """Return a smooth line (m,) along points (n,), and for each point its place (a point of the line) on it.
 
     The points are averaged in blocks of equal size, the largest for which all points stay within a distance of the
@@ -289,6 +291,7 @@ def _smoothed(points: Complexes, within_m: float) -> tuple[Complexes, Ints]:
     least = -(-len(points) // _MANY)
     while True:
         size = max(int(size / _FINER), least)
+        work.spend(len(points) // 10)
         owners = np.arange(len(points)) // size
         count = np.bincount(owners)
         blocks: Complexes = np.bincount(owners, points.real) / count + 1j * (np.bincount(owners, points.imag) / count)
@@ -296,19 +299,53 @@ def _smoothed(points: Complexes, within_m: float) -> tuple[Complexes, Ints]:
             return points, np.arange(len(points))
         inner = 0.25 * blocks[:-2] + 0.5 * blocks[1:-1] + 0.25 * blocks[2:]
         eased = np.concatenate(([1.5 * blocks[0] - 0.5 * inner[0]], inner, [1.5 * blocks[-1] - 0.5 * inner[-1]]))
-        if size == least or _away_m(points, eased) <= within_m:
+        legs = _Legs(eased)
+        if size == least or all(np.max(legs.nearest(some).away_m) <= within_m for some in (points[::_SPARSE], points)):
             return eased, owners
 
 
-def _away_m(points: Complexes, line: Complexes) -> float:
-    """Return the largest distance of points (n,) from the line through other points."""
-    way = LineString(np.stack((line.real, line.imag), axis=1))
-    prepare(way)
-    with np.errstate(invalid='ignore'):     # raised by old versions of GEOS if points of the line coincide
-        return float(np.max(distance(shapely_points(points.real, points.imag), way)))
+class _Legs:
+    """The legs of a line, in a tree that finds the nearest."""
+
+    def __init__(self, line: Complexes) -> None:
+        self.begin, self.stop = line[:-1], line[1:]
+        pairs = np.stack((self.begin.real, self.begin.imag, self.stop.real, self.stop.imag), axis=1)
+        self.tree = STRtree(linestrings(pairs.reshape(-1, 2, 2)))
+
+    def nearest(self, points: Complexes) -> '_Nearest':
+        """Return points (n,), the nearest leg of each, and their distances (m) from it."""
+        with np.errstate(invalid='ignore'):     # raised by old versions of GEOS if points of the line coincide
+            leg = self.tree.query_nearest(shapely_points(points.real, points.imag), all_matches=False)[1]
+        return _Nearest(points, leg, self.distances_m(points, leg))
+
+    def distances_m(self, points: Complexes, leg: Ints) -> Floats:
+        """Return the distances of points (n,) from as many legs."""
+        way, here = self.stop[leg] - self.begin[leg], points - self.begin[leg]
+        share = np.clip((here * way.conjugate()).real / np.maximum(np.abs(way) ** 2, _TINY_M), 0.0, 1.0)
+        out: Floats = np.abs(here - share * way)
+        return out
 
 
-def through(drawn: Complexes, eased: Complexes, owners: Ints, tolerance_m: float, thin_m: float) -> list[SmoothPart]:
+@dataclass(frozen=True, eq=False)
+class _Nearest:
+    """Points (n,), the nearest leg of each, and their distances (m) from it."""
+
+    points: Complexes
+    leg: Ints
+    away_m: Floats
+
+    def some(self, which: slice | NDArray[np.bool_]) -> '_Nearest':
+        """Return some of the points."""
+        return _Nearest(self.points[which], self.leg[which], self.away_m[which])
+
+    def joined(self, other: '_Nearest') -> '_Nearest':
+        """Return these points, followed by others."""
+        return _Nearest(np.append(self.points, other.points), np.append(self.leg, other.leg),
+                        np.append(self.away_m, other.away_m))
+
+
+def _through(drawn: Complexes, eased: Complexes, owners: Ints, tolerance_m: float, thin_m: float,
+             work: Work) -> list[SmoothPart]:
     """Split a line through points (m,) at its corners, and return the smooth parts.
 
     ``eased`` holds the smoothed points, ``drawn`` the original points (n,), and ``owners`` the smoothed point of each
@@ -322,6 +359,7 @@ def through(drawn: Complexes, eased: Complexes, owners: Ints, tolerance_m: float
     legs = np.diff(eased[numbers])
     long, turns = np.abs(legs), np.abs(np.angle(legs[1:] / legs[:-1]))
     corners = np.flatnonzero(np.maximum(long[1:], long[:-1]) * turns / 8 > tolerance_m) + 1
+    work.spend(_ATTEMPT * len(corners))
     ends = [0, *corners.tolist(), len(numbers) - 1]
     along_m, eased_m = _along_m(drawn, eased, owners), gone_m(eased)
     return [_curve(drawn, along_m, eased, eased_m, numbers[first:last + 1]) for first, last in pairwise(ends)]
@@ -384,15 +422,25 @@ def _curve(drawn: Complexes, along_m: Floats, eased: Complexes, eased_m: Floats,
     return SmoothPart(points, np.concatenate(([first], inner, [last])), drawn[between], at_m)
 
 
+def _one_of(parts: list[SmoothPart]) -> SmoothPart:
+    """Return successive parts as one."""
+    begins_m = np.cumsum([0.0, *(one.gone_m[-1] for one in parts[:-1])])
+    return SmoothPart(np.concatenate([parts[0].points[:1], *(one.points[1:] for one in parts)]),
+                      np.concatenate([parts[0].headings[:1], *(one.headings[1:] for one in parts)]),
+                      np.concatenate([one.drawn for one in parts]),
+                      np.concatenate([at + one.drawn_at_m for at, one in zip(begins_m, parts, strict=True)]))
+
+
 class _SmoothLine:
     """Smooth parts joined end to end; distances (m) are measured along them."""
 
     def __init__(self, stretches: Sequence[SmoothPart], work: Work) -> None:
         self.work = work
         self.stretches = [one for one in stretches if len(one.points) > 1]
-        self.begins_m = np.concatenate(([0.0], np.cumsum([one.gone_m[-1] for one in self.stretches])))
         self.reaches_m: dict[tuple[tuple[float, float], float], float | None] = {}      # keyed by position and radius
         self._absorb_kinks()
+        self._join_curves()
+        self.begins_m = np.concatenate(([0.0], np.cumsum([one.gone_m[-1] for one in self.stretches])))
 
     @property
     def length_m(self) -> float:
@@ -408,6 +456,17 @@ class _SmoothLine:
             common = left if before.is_straight else right if after.is_straight else (left + right) / abs(left + right)
             self.stretches[k] = replace(before, headings=np.append(before.headings[:-1], common))
             self.stretches[k + 1] = replace(after, headings=np.append(common, after.headings[1:]))
+
+    def _join_curves(self) -> None:
+        """Make one part of successive curves that are tangent, so that an arc can follow several."""
+        groups = list[list[SmoothPart]]()
+        for one in self.stretches:
+            is_next = groups and not one.is_straight and not groups[-1][-1].is_straight
+            if is_next and groups[-1][-1].headings[-1] == one.headings[0]:
+                groups[-1].append(one)
+            else:
+                groups.append([one])
+        self.stretches = [group[0] if len(group) == 1 else _one_of(group) for group in groups]
 
     def corners(self) -> list[tuple[float, float]]:
         """Return the intervals (first, last) of distances that the corners occupy."""
@@ -666,20 +725,37 @@ def _laid(drawn: _SmoothLine, blends: list[_Blend], parts: list[_FittedArcs], to
 def _apart_m(drawn: _SmoothLine, part: _FittedArcs, sag_m: float) -> float:
     """Return the Hausdorff distance between arcs and the part of the drawn line that they replace.
 
-    It is exact at the points of the drawing, and sampled between them and along the arcs.
+    It is never too small, and too large by at most ``sag_m`` and a thousandth.
     """
-    line, arcs = drawn.drawn_between(part.low_m, part.high_m), [bow.points(sag_m) for bow in part.bows]
-    at_points_m = strays_m(part.bows, line)
-    legs = np.abs(np.diff(line))
-    step_m = max(float(np.sum(legs)) / _BETWEEN, 0.01 * at_points_m, sag_m)
-    counts = np.ceil(legs / step_m).astype(int)
-    leg = np.repeat(np.arange(len(legs)), np.maximum(counts - 1, 0))
-    share = (np.arange(len(leg)) - np.repeat(np.cumsum(np.maximum(counts - 1, 0)) - np.maximum(counts - 1, 0),
-                                             np.maximum(counts - 1, 0)) + 1) / counts[leg]
-    between_m = strays_m(part.bows, line[leg] + share * (line[leg + 1] - line[leg]))
-    along_m = _away_m(np.concatenate(arcs), line)
-    hair_m = at_points_m + _SAME * float(np.sum(legs))
-    return max(at_points_m, between_m, along_m + sag_m if along_m > hair_m else 0.0)
+    line = drawn.drawn_between(part.low_m, part.high_m)
+    arcs = np.concatenate([bow.points(sag_m) for bow in part.bows])
+    off_m = max(_farthest_m(line, arcs), _farthest_m(arcs, line))
+    if off_m <= _SAME * float(np.sum(np.abs(np.diff(line)))):
+        return off_m
+    return off_m if all(bow.is_straight for bow in part.bows) else off_m + sag_m
+
+
+def _farthest_m(line: Complexes, other: Complexes) -> float:
+    """Return the largest distance of the line through points (n,) from the line through other points.
+
+    It is never too small, and too large by at most a thousandth. Between two points, the distance from any one leg of
+    the other line is at most that of the farther point; parts for which this is too little are halved.
+    """
+    legs = _Legs(other)
+    near = legs.nearest(line)
+    first, last = near.some(slice(None, -1)), near.some(slice(1, None))
+    least_m = most_m = float(np.max(near.away_m))
+    while len(first.points):
+        bound_m = np.minimum(*(np.maximum(one.away_m, legs.distances_m(two.points, one.leg))
+                               for one, two in ((first, last), (last, first))))
+        is_open = bound_m > (1 + _MORE) * least_m + _TINY_M + _SAME * np.abs(last.points - first.points)
+        most_m = max(most_m, float(np.max(bound_m[~is_open], initial=0.0)))
+        first, last = first.some(is_open), last.some(is_open)
+        if len(first.points):
+            middle = legs.nearest(0.5 * (first.points + last.points))
+            least_m = max(least_m, float(np.max(middle.away_m)))
+            first, last = first.joined(middle), middle.joined(last)
+    return max(least_m, most_m)
 
 
 def _shift_m(bows: list[Bow], laid: list[Bow]) -> float:
