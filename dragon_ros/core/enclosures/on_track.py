@@ -38,9 +38,8 @@ derivatives have kinks there; the argument only requires bounded second derivati
 
 All bounds are evaluated in ball arithmetic and rounded outwards: balls by their arithmetic, combinations of balls by
 the factor ABOVE. States are known only to within the position error e. The direction of a link of
-length l is therefore uncertain by at most 2 e / l, and the direction of the track by at most k e; a link of zero length
-has the direction of the track. The curvatures of lines and arcs are exact, and the curvatures of spirals are uncertain
-by at most k^2 e.
+length l is therefore uncertain by at most 2 e / l, and the direction of the track by at most k e. The curvatures of
+lines and arcs are exact, and the curvatures of spirals are uncertain by at most k^2 e.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -123,8 +122,7 @@ def swing_rad(most: Floats, link_m: float | Floats, moved_m: Floats) -> Floats:
     position. A link turns at the rate (v_rear sin beta - v_front sin alpha) / link. No sine exceeds 1 or, if ``most``
     times the link is below 2, half of this product (Schur's comparison with a circle).
     """
-    with np.errstate(divide='ignore'):
-        out: Floats = np.minimum(0.5 * most, np.divide(1.0, link_m)) * moved_m
+    out: Floats = np.minimum(0.5 * most, np.divide(1.0, link_m)) * moved_m
     return out
 
 
@@ -133,8 +131,8 @@ class LinkMotion:
     """Enclosures of links (M, N) and their handles (M, N+1), from the leader on, over M intervals.
 
     ``k`` holds curvatures, ``near`` and ``far`` the sines and cosines of the angles, and ``inverse_l`` the inverse
-    lengths with the sign of e. ``rigid`` links have constant angles, and ``joined`` links have zero length. Rates are
-    derivatives with respect to the distance of the nearer handle.
+    lengths with the sign of e. ``rigid`` links have constant angles. Rates are derivatives with respect to the distance
+    of the nearer handle.
     """
 
     k: Ball
@@ -142,21 +140,16 @@ class LinkMotion:
     far: tuple[Ball, Ball]
     inverse_l: Floats
     rigid: Array
-    joined: Array
-
-    @cached_property
-    def _none(self) -> Ball:
-        return Ball(np.zeros(self.rigid.shape), np.zeros(self.rigid.shape))
 
     @cached_property
     def r(self) -> Ball:
         """The ratio of the farther handle's speed to the nearer handle's speed."""
-        return _where(self.joined, self._none + 1.0, self.near[1] * self.far[1].inverse())
+        return self.near[1] * self.far[1].inverse()
 
     @cached_property
     def w(self) -> Ball:
-        """The rate at which a link turns; a link of zero length turns with the track."""
-        return _where(self.joined, self.k[:, :-1], (self.near[0] - self.r * self.far[0]) * self.inverse_l)
+        """The rate at which a link turns."""
+        return (self.near[0] - self.r * self.far[0]) * self.inverse_l
 
     @cached_property
     def _dots(self) -> tuple[Ball, Ball]:
@@ -168,15 +161,16 @@ class LinkMotion:
         """The rate of log |r|."""
         (sin_n, cos_n), (sin_f, cos_f), (near, far) = self.near, self.far, self._dots
         rate = sin_f * cos_f.inverse() * far - sin_n * cos_n.inverse() * near
-        return _where(self.rigid | self.joined, self._none, rate)
+        return self._unless_rigid(rate)
 
     @cached_property
     def w_dot(self) -> Ball:
-        """The rate of ``w``, which is unbounded for a link of zero length across a jump of the track's curvature."""
+        """The rate of ``w``."""
         (sin_f, cos_f), (near, far) = self.far, self._dots
-        rate = (self.near[1] * near - self.r * (self.g * sin_f + cos_f * far)) * self.inverse_l
-        unknown = Ball(self._none.mid, np.where(self.k.rad[:, :-1] > 0, np.inf, 0.0))
-        return _where(self.joined, unknown, _where(self.rigid, self._none, rate))
+        return self._unless_rigid((self.near[1] * near - self.r * (self.g * sin_f + cos_f * far)) * self.inverse_l)
+
+    def _unless_rigid(self, rate: Ball) -> Ball:
+        return Ball(np.where(self.rigid, 0.0, rate.mid), np.where(self.rigid, 0.0, rate.rad))
 
 
 def speeds_along(r: Ball, g: Ball) -> tuple[Ball, Ball]:
@@ -200,7 +194,7 @@ def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, si
     """
     with np.errstate(all='ignore'):
         low, high = curvature_range(bends, (one.segment, two.segment), (one.curvature, two.curvature))
-        k, even, joined = between(low, high, error_m * np.maximum(low * low, high * high)), low == high, links_m == 0
+        k, even = between(low, high, error_m * np.maximum(low * low, high * high)), low == high
         rigid = even[:, :-1] & even[:, 1:] & (one.segment[:, :-1] == one.segment[:, 1:])
         axis_error, track_error = direction_errors(links_m, bends, error_m)
         off = axis_error + track_error
@@ -208,9 +202,9 @@ def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, si
         ends = [between(a, b, off) for a, b in ((one.near, two.near), (one.far, two.far))]
         most = largest_curvatures(one, two, bends)
         angles = _first_angles(ends, k, most + most * most * error_m, way, links_m, off)
-        inverse_l = sign / np.where(joined, 1.0, links_m)
+        inverse_l = sign / links_m
         near, far = _narrowed(angles, ends, k, way, rigid, inverse_l, off, passes)
-        return LinkMotion(k, near.sin_cos(), far.sin_cos(), inverse_l, rigid, np.broadcast_to(joined, rigid.shape))
+        return LinkMotion(k, near.sin_cos(), far.sin_cos(), inverse_l, rigid)
 
 
 def speeds_enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, sign: float) -> tuple[Ball, Ball]:
@@ -222,7 +216,7 @@ def speeds_enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Ra
     same = one.segment[:, :-1]
     even = bends[0].diagonal() == bends[1].diagonal()
     steady = even[same] & (same == one.segment[:, 1:]) & (same == two.segment[:, :-1]) & (same == two.segment[:, 1:])
-    row, link = np.nonzero(~(steady | (links_m == 0)))
+    row, link = np.nonzero(~steady)
     moving = enclosed(one.links(row, link), two.links(row, link), links_m[link, None], bends, sign)
     r, g = Ball(np.ones(same.shape), np.zeros(same.shape)), Ball(np.zeros(same.shape), np.zeros(same.shape))
     with np.errstate(all='ignore'):
@@ -233,9 +227,7 @@ def speeds_enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Ra
 
 def direction_errors(links_m: Floats, bends: Range, error_m: float) -> tuple[Floats, float]:
     """Return the direction errors (rad) of links (N,) and of the track, given the position error."""
-    track_error = float(np.max(np.abs(bends))) * error_m + _ROUNDED_RAD
-    some, rounded_rad = links_m > 0, 2 * error_m / np.where(links_m > 0, links_m, 1.0) + _ROUNDED_RAD
-    return np.where(some, rounded_rad, track_error), track_error
+    return 2 * error_m / links_m + _ROUNDED_RAD, float(np.max(np.abs(bends))) * error_m + _ROUNDED_RAD
 
 
 class OnTrack(Protocol):
@@ -293,13 +285,6 @@ def _settled(before: Sequence[Ball], now: Sequence[Ball]) -> bool:
     """Return whether a pass has left almost all radii almost unchanged."""
     return not any(np.count_nonzero(b.rad < _WORTH * a.rad) > _FEW * b.rad.size
                    for a, b in zip(before, now, strict=True))
-
-
-def _where(chosen: Array, one: Ball, other: Ball) -> Ball:
-    """Return one ball or the other, element by element."""
-    if not np.any(chosen):
-        return other
-    return Ball(np.where(chosen, one.mid, other.mid), np.where(chosen, one.rad, other.rad))
 
 
 @dataclass(frozen=True)

@@ -20,9 +20,6 @@ in a ball, which gives a bound |g'| <= G. Each coordinate of the corner changes 
 and never exceeds the mean of its values at the two ends by more than V / 2. As intervals shrink, the excess of the
 bound decreases with the square of their length, or with the length itself if a handle passes a joint, where the
 curvature jumps. The bound holds only if the rear handle moves in one direction.
-
-A bench with a link of zero length points along the track: its corner lies at q + a q', and g' = q' + i a kappa q',
-where kappa is the curvature.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -32,6 +29,7 @@ from itertools import pairwise
 import numpy as np
 
 from dragon_ros.core.chain.chain import Chain, marched
+from dragon_ros.core.chain.dragon import AnyDragon
 from dragon_ros.core.chain.forward import next_places
 from dragon_ros.core.chain.lock import turns
 from dragon_ros.core.enclosures.ball_arithmetic import Ball
@@ -117,7 +115,7 @@ def bounding_box(scene: Scene, within_m: float = 1e-10,
     search = _Reaching(progress, within_m)
     kinds = by_length(scene.dragon.bench_lengths_m)
     for kind, benches in enumerate(kinds):
-        search.run(bench_of(ranges, int(benches[0])), intervals_of(ranges, benches), kind)
+        search.run(SweptBench.of(ranges.track, scene.dragon, int(benches[0])), intervals_of(ranges, benches), kind)
     return BoundingBox(tuple(_reach(ranges, kinds, search, side) for side in range(len(SIDES))), search.looks)
 
 
@@ -125,13 +123,6 @@ def by_length(lengths_m: Floats) -> list[Ints]:
     """Return the indices of the benches, grouped by length: first the head alone, then the benches behind it."""
     behind = dict.fromkeys(lengths_m[1:].tolist())
     return [np.array([0]), *(1 + np.flatnonzero(lengths_m[1:] == length) for length in behind)]
-
-
-def bench_of(ranges: 'HandleRanges', number: int) -> 'SweptBench':
-    """Return the bench with the given number as a ``SweptBench``."""
-    dragon = ranges.scene.dragon
-    return SweptBench(ranges.track, float(dragon.link_lengths_m[number]), 0.5 * float(dragon.bench_lengths_m[number]),
-                      0.5 * dragon.width_m)
 
 
 def intervals_of(ranges: 'HandleRanges', benches: Ints) -> Floats:
@@ -248,6 +239,12 @@ class SweptBench:
     half_length_m: float
     half_width_m: float
 
+    @classmethod
+    def of(cls, track: Track, dragon: AnyDragon, number: int) -> 'SweptBench':
+        """Return the bench of a dragon with the given number."""
+        return cls(track, float(dragon.link_lengths_m[number]), 0.5 * float(dragon.bench_lengths_m[number]),
+                   0.5 * dragon.width_m)
+
     @cached_property
     def _lever(self) -> Array:
         """The vectors from the middle of the bench to its corners as complex numbers, in the order of CORNERS."""
@@ -256,26 +253,24 @@ class SweptBench:
 
     @cached_property
     def _shares(self) -> tuple[Array, Array]:
-        """The factors A and B of the corners; for a link of zero length, B is the factor of the tangent."""
-        if not self.link_m:
-            return np.ones(4, dtype=np.complex128), self._lever
+        """The factors A and B of the corners."""
         return 0.5 + self._lever / self.link_m, 0.5 - self._lever / self.link_m
 
     def states(self, along_m: Floats) -> BenchStates:
         """Return the states of the bench when its front handle is at the given distances along the track."""
         track, link = self.track, self.link_m
         fronts = track.places_at(along_m, np.zeros_like(along_m))
-        rears = self._rears(fronts) if link else fronts
+        rears = self._rears(fronts)
         segment, u, lo = (np.stack(pair, axis=1) for pair in zip(fronts, rears, strict=True))
         (q, r), headings = _complex(track.points(segment, u, lo)).T, track.headings(segment, u, lo)
         to, to_rear = _complex(headings).T
-        axis = (q - r) / link if link else to
+        axis = (q - r) / link
         states = link_states(track.distances(segment, u), segment, track.curvatures(segment, u), headings,
                              np.stack((axis.real, axis.imag), axis=-1)[:, None], 0)
         one, two = self._shares
         value = (0.5 * (q + r))[:, None] + self._lever * axis[:, None]
         return BenchStates(states, _sides(value), _sides(one * to[:, None]),
-                           _sides(two * (to_rear if link else 1j * to)[:, None]))
+                           _sides(two * to_rear[:, None]))
 
     def _rears(self, fronts: Places) -> Places:
         """Return the rear handles, placed singly at a lock, where only the scalar solver accepts the longest chord."""
@@ -300,12 +295,12 @@ class SweptBench:
             moving = enclosed(a.link, b.link, np.array([self.link_m]), self.track.bends, passes=0)
             front_m, rear_m = np.abs(b.link.along_m - a.link.along_m).T
             turned, other = (moving.k.most * np.stack((front_m, rear_m), axis=1)).T
-            ratio = (moving.r if self.link_m else moving.k)[:, 0]
+            ratio = moving.r[:, 0]
             one, two = (np.abs(share)[:, None] for share in self._shares)
             front = _mean(a.front, b.front, one * _each(turned))
             rear = _mean(a.rear, b.rear, two * _each(other))
             return (front + rear * Ball(_each(ratio.mid), _each(ratio.rad)),
-                    one * _each(front_m) + two * _each(rear_m if self.link_m else turned))
+                    one * _each(front_m) + two * _each(rear_m))
 
 
 def _complex(points: Floats) -> Array:

@@ -75,9 +75,9 @@ class ObstacleBounds:
     @property
     def _unsure(self) -> float:
         """The error of the derivatives of the corners' coordinates due to position errors of the handles."""
-        link, bench = self.bench.link_m, self.bench
-        lever = 2 + (bench.half_length_m + bench.half_width_m) * (1 / link if link else bench.track.bend)
-        return 8 * self.error_m * (bench.track.bend + (1 / link if link else 0.0)) * lever
+        bench = self.bench
+        lever = 2 + (bench.half_length_m + bench.half_width_m) / bench.link_m
+        return 8 * self.error_m * (bench.track.bend + 1 / bench.link_m) * lever
 
     def _seats(self, corners: Complexes) -> tuple[Complexes, Complexes]:
         """Return the middles and axes of benches with these corners."""

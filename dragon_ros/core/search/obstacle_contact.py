@@ -141,10 +141,11 @@ class Obstacles:
 
     def _first_of(self, benches: Ints, phase: tuple[float, float], finest_m: tuple[float, ...]) -> Bracket | None:
         """Return the first bracket of a phase in which one of the given benches, all of one length, is not clear."""
-        domain, bench = self._domain, swept_bench(self._domain, int(benches[0]))
+        domain = self._domain
         windows = windows_of(domain, benches, phase, _SPACING * self._longest_m)
         if not windows:
             return None
+        bench = SweptBench.of(domain.track, domain.dragon, int(benches[0]))
         bounds = ObstacleBounds(bench, self._around, domain.error_m)
         space = _SweptIntervals(bounds, domain.tolerance_m, self._longest_m, domain.count)
         cleared = clear(space, [window.places for window in windows], finest_m)
@@ -163,13 +164,6 @@ class Obstacles:
             here, there = domain.along_m(phase[0]), domain.along_m(first.other_m)
             hits = [(b, hit) for b, hit in hits[1:] if abs(hit[1] - here[b]) < abs(there[b] - here[b])]
         return first
-
-
-def swept_bench(domain: SearchDomain, number: int) -> SweptBench:
-    """Return the bench with the given number as a ``SweptBench``."""
-    dragon = domain.dragon
-    return SweptBench(domain.track, float(dragon.link_lengths_m[number]), 0.5 * float(dragon.bench_lengths_m[number]),
-                      0.5 * dragon.width_m)
 
 
 def windows_of(domain: SearchDomain, benches: Ints, phase: tuple[float, float], spacing_m: float) -> list[Window]:

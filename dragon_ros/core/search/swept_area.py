@@ -26,7 +26,7 @@ from shapely import (
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Complexes, Floats
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.search.bounding_box import HandleRanges, bench_of, by_length, intervals_of
+from dragon_ros.core.search.bounding_box import HandleRanges, SweptBench, by_length, intervals_of
 from dragon_ros.core.tracks.composite import Track
 
 STEP_M = 0.1            # spacing of the front handle's positions
@@ -90,7 +90,7 @@ def _placed(ranges: HandleRanges, bench: int, span: Floats, step_m: float) -> tu
     at_m, placed = [], []
     for low, high in span.T.tolist():
         along = np.linspace(low, high, 2 + ceil((high - low) / step_m))
-        value = bench_of(ranges, bench).states(along).value
+        value = SweptBench.of(ranges.track, ranges.scene.dragon, bench).states(along).value
         corners = np.stack((value[..., 0], value[..., 2]), axis=-1)
         ends = [convex_hull(multipoints(np.concatenate((corners[:-1, end], corners[1:, end]), axis=1)))
                 for end in _ENDS]

@@ -16,7 +16,7 @@ from dragon_ros.core.geometry.venue import Surroundings, surroundings_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.search.bounding_box import HandleRanges, SweptBench, bench_of, by_length, intervals_of
+from dragon_ros.core.search.bounding_box import HandleRanges, SweptBench, by_length, intervals_of
 from dragon_ros.core.search.driver import Boxes, InOrder, divisible, run
 from dragon_ros.core.search.obstacle_bounds import ObstacleBounds, corners_of
 from dragon_ros.core.search.venue import check_sides
@@ -82,7 +82,7 @@ def venue_fit(scene: Scene, within_m: float = 1e-6, progress: Callable[[int], ob
     kinds = by_length(scene.dragon.bench_lengths_m)
     for kind, benches in enumerate(kinds):
         if benches.size:
-            search.run(bench_of(ranges, int(benches[0])), intervals_of(ranges, benches), kind)
+            search.run(SweptBench.of(ranges.track, scene.dragon, int(benches[0])), intervals_of(ranges, benches), kind)
     found = _gaps(ranges, kinds, search)
     return VenueFit(tuple(sorted(found, key=lambda one: one.high_m)), scene.venue.margin_m, search.looks)
 
@@ -212,7 +212,7 @@ def _gaps(ranges: HandleRanges, kinds: list[Ints], search: '_Nearing') -> list[O
         if not numbers:
             continue
         places = np.array([search.where[number][1] for number in numbers])
-        bounds = ObstacleBounds(bench_of(ranges, int(benches[0])), around)
+        bounds = ObstacleBounds(SweptBench.of(ranges.track, scene.dragon, int(benches[0])), around)
         states, (low, high) = bounds.bench.states(places), ranges.ranges_m[:, benches]
         middles, sizes = np.mean(corners_of(states), axis=1), np.diff(firsts)[numbers]
         edges = np.concatenate([np.arange(firsts[number], firsts[number + 1]) for number in numbers])

@@ -19,16 +19,11 @@ from dragon_ros.core.geometry.contacts import OBSTACLE
 from dragon_ros.core.geometry.venue import surroundings_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.search.bounding_box import by_length
+from dragon_ros.core.search.bounding_box import SweptBench, by_length
 from dragon_ros.core.search.certificate import Contact, NoContact
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
-from dragon_ros.core.search.obstacle_contact import (
-    Obstacles,
-    _SweptIntervals,
-    swept_bench,
-    windows_of,
-)
+from dragon_ros.core.search.obstacle_contact import Obstacles, _SweptIntervals, windows_of
 from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.spec import Composite, Line
 from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
@@ -156,7 +151,7 @@ def test_bounds_leave_room_for_what_positions_and_roundings_may_err():
     """Allowing for displaced benches raises no bound, and lowers one bound by more than a tenth of the error."""
     scene = with_venue(SCENES['street'], 3)
     domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 20.0), 1, lambda states: None)
-    bench, edge = swept_bench(domain, 1), np.arange(domain.around.owner.size)
+    bench, edge = SweptBench.of(domain.track, domain.dragon, 1), np.arange(domain.around.owner.size)
     states = bench.states(np.array([10.0, 10.4]))
     ends = states.rows(np.zeros(edge.size, dtype=int)), states.rows(np.ones(edge.size, dtype=int))
     exact, unsure = (ObstacleBounds(bench, domain.around, error) for error in (0.0, 1e-6))
@@ -171,7 +166,7 @@ def test_the_bound_at_one_place_is_the_gap_less_what_it_may_be_rounded_by():
     around = surroundings_of(Venue((LineObstacle('long', ((-far_m, 30.0), (far_m, 30.0))),)))
     scene, edge = SCENES['street'], np.zeros(1, dtype=np.int64)
     domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 20.0), 1, lambda states: None)
-    bounds = ObstacleBounds(swept_bench(domain, 1), around)
+    bounds = ObstacleBounds(SweptBench.of(domain.track, domain.dragon, 1), around)
     state = bounds.bench.states(np.array([10.0]))
     gap_m = bounds.gaps(state, edge)
     lost_m = float((gap_m - bounds.bounds(state, state, (gap_m, gap_m), edge))[0])
@@ -182,7 +177,7 @@ def test_the_bound_at_one_place_is_the_gap_less_what_it_may_be_rounded_by():
 def test_a_move_of_corners_of_up_to_six_benches_is_bounded_and_a_longer_one_is_cut(longest, is_bounded):
     domain = SearchDomain(replace(ALONG, venue=Venue((WALL,))), RangeOfTravel(ALONG.head, 0.0, 1.0), 1, lambda _: None)
     longest_m = float(np.max(ALONG.dragon.bench_lengths_m))
-    bounds = ObstacleBounds(swept_bench(domain, 1), domain.around)
+    bounds = ObstacleBounds(SweptBench.of(domain.track, domain.dragon, 1), domain.around)
     space = _SweptIntervals(bounds, 1e-9, longest_m, lambda _: None)
 
     def moved(way_m):

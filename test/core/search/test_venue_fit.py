@@ -15,7 +15,7 @@ from dragon_ros.core.geometry.signed_distance import rounding_m
 from dragon_ros.core.geometry.venue import surroundings_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.search.bounding_box import HandleRanges, bench_of, by_length, intervals_of
+from dragon_ros.core.search.bounding_box import HandleRanges, SweptBench, by_length, intervals_of
 from dragon_ros.core.search.obstacle_bounds import ObstacleBounds, least_along
 from dragon_ros.core.search.venue_fit import venue_fit
 from dragon_ros.core.tracks.spec import Composite, Line
@@ -63,7 +63,7 @@ def test_bounds_hold_between_the_ends_of_cells():
     for name, scene in SCENES.items():
         around, ranges = surroundings_of(random_venue(scene, 3)), HandleRanges(scene)
         for benches in by_length(scene.dragon.bench_lengths_m):
-            bounds = ObstacleBounds(bench_of(ranges, int(benches[0])), around)
+            bounds = ObstacleBounds(SweptBench.of(ranges.track, ranges.scene.dragon, int(benches[0])), around)
             low, high = intervals_of(ranges, benches)[:, 0]
             places = np.linspace(low, high, 13)
             edge = np.repeat(np.arange(around.owner.size), 12)
