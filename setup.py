@@ -60,7 +60,7 @@ setup(
     # ordinary install.
     install_requires=['argcomplete>=3.1', 'lz4>=4.0', 'matplotlib>=3.6', 'mcap>=1.1', 'numpy>=1.26', 'PyYAML>=6.0',
                       'regex>=2022.10', 'shapely>=2.0', 'tqdm>=4.66', 'zstandard>=0.22'],
-    extras_require={'maps': ['pyproj>=3.6'], 'parquet': ['pyarrow>=15'],
+    extras_require={'cost': ['mpmath>=1.2'], 'maps': ['pyproj>=3.6'], 'parquet': ['pyarrow>=15'],
                     'svg': ['svgelements>=1.9.6'], 'xlsx': ['openpyxl>=3.1.5'],
                     'grade': ['openpyxl>=3.1.5', 'python-calamine>=0.4'], 'verify': ['python-flint>=0.6'],
                     'study': ['pyarrow>=15', 'scipy>=1.15'],

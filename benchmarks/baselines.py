@@ -12,7 +12,16 @@ from dragon_ros.core.chain.chain import Chain, chain_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
-from dragon_ros.cost.baselines import SIMPLE, Solver, chain_by, cosine_rule
+from dragon_ros.cost.baselines import NEWTON, Solver, chain_by, cosine_rule
+
+
+def by_bisection(tolerance: float, theta: float, chord: float) -> float:
+    """Return the next angle, found by bisecting half a turn until the bracket is at most ``tolerance`` rad wide."""
+    low, high = theta, theta + pi
+    while high - low > tolerance:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if cosine_rule(theta, middle, chord) < 0 else (low, middle)
+    return 0.5 * (low + high)
 
 
 def by_fsolve(theta: float, chord: float) -> float:
@@ -105,4 +114,5 @@ def compiled_newton() -> Solver | None:
 SOLVERS: dict[str, Solver] = {
     'scipy fsolve': partial(chain_by, by_fsolve),
     'scipy brentq': partial(chain_by, by_brentq),
-    **SIMPLE}
+    'bisection 1e-6 rad': partial(chain_by, partial(by_bisection, 1e-6)),
+    **NEWTON}

@@ -4,21 +4,21 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from threading import Event
 
 from dragon_ros.bags.write import COMPRESSIONS
-from dragon_ros.bags.write.writer import BagOptions, BagWriter, prompt_switches
-from dragon_ros.core.batches import ticks
-from dragon_ros.core.model import compile_scene
+from dragon_ros.bags.write.simulate import write_bag
 from dragon_ros.core.scene import Scene
-from dragon_ros.messages.channels import channels, live
+from dragon_ros.core.step import tick
 from dragon_ros.messages.encode import encoders
-
-_LEAST_TICKS = 2
 
 
 @dataclass(frozen=True)
 class BagCost:
-    """A bag with the first ticks of a run: the number of ticks, the time to write them, and sizes in bytes."""
+    """A bag with the first ticks of a run: the number of ticks, the time to write them, and sizes in bytes.
+
+    The size of the messages is that of the middle tick, times the number of ticks.
+    """
 
     compression: str
     ticks: int
@@ -44,28 +44,25 @@ class BagCost:
 
 def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> tuple[BagCost, ...]:
     """Write bags as ``simulate`` does, for about ``budget_s`` seconds in total, and delete them."""
-    share_s = budget_s / len(COMPRESSIONS)
-    out = []
-    with tempfile.TemporaryDirectory(prefix='dragon_ros-') as folder, prompt_switches():
+    encode, out = encoders(scene).values(), []
+    tick(scene, 0)      # builds the tables, which happens once per run
+    with tempfile.TemporaryDirectory(prefix='dragon_ros-') as folder:
         for compression in COMPRESSIONS:
             done(f'bag, {compression}')
-            out.append(_written(scene, compression, Path(folder) / f'{compression}.mcap', share_s))
+            path = Path(folder) / f'{compression}.mcap'
+            began = time.perf_counter()
+            ticks = _written(scene, path, compression, began + budget_s / len(COMPRESSIONS))
+            elapsed_s, middle = time.perf_counter() - began, tick(scene, ticks // 2)
+            message_bytes = ticks * sum(len(one(middle)) for one in encode)
+            out.append(BagCost(compression, ticks, elapsed_s, message_bytes, path.stat().st_size))
     return tuple(out)
 
 
-def _written(scene: Scene, compression: str, path: Path, budget_s: float) -> BagCost:
-    """Write as many of the run's first ticks to a bag as the budget allows."""
-    topics, count, size = list(encoders(scene).items()), compile_scene(scene).last_tick + 1, 0
-    next(ticks(scene, 0, 1))        # builds the tables and templates, which happens once per run
-    began = time.perf_counter()
-    with BagWriter(path, options=BagOptions(compression)) as bag:
-        for row in live(scene.effects):
-            bag.add_channel(row.name, channels()[row.name])
-        for k, frame in enumerate(ticks(scene, 0, count), 1):
-            for name, encode in topics:
-                data = encode(frame)
-                size += len(data)
-                bag.write(name, data, frame.t_ns, k)
-            if k >= _LEAST_TICKS and time.perf_counter() - began > budget_s:
-                break
-    return BagCost(compression, k, time.perf_counter() - began, size, path.stat().st_size)
+def _written(scene: Scene, path: Path, compression: str, end_s: float) -> int:
+    """Write whole chunks of ticks to a bag until a time of the performance counter; return the number of ticks."""
+    stop = Event()
+
+    def check(_: int) -> None:
+        if time.perf_counter() > end_s:
+            stop.set()
+    return write_bag(scene, path, compression=compression, stop=stop, progress=check)

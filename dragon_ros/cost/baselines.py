@@ -1,7 +1,7 @@
-"""Simple solvers: common published methods for a chain on a single spiral."""
+"""Newton's method for a chain on a single spiral, as in common public code."""
 from collections.abc import Callable
 from functools import partial
-from math import cos, inf, pi, sin, sqrt
+from math import cos, inf, sin, sqrt
 
 import numpy as np
 
@@ -40,18 +40,5 @@ def by_newton(tolerance: float, theta: float, chord: float) -> float:
     return inf
 
 
-def by_bisection(tolerance: float, theta: float, chord: float) -> float:
-    """Return the next angle, found by bisecting half a turn until the bracket is at most ``tolerance`` rad wide."""
-    low, high = theta, theta + pi
-    while high - low > tolerance:
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if cosine_rule(theta, middle, chord) < 0 else (low, middle)
-    return 0.5 * (low + high)
-
-
-SIMPLE: dict[str, Solver] = {
-    'bisection 1e-6 rad': partial(chain_by, partial(by_bisection, 1e-6)),
-    'plain Newton 1e-3 rad': partial(chain_by, partial(by_newton, 1e-3)),
-    'plain Newton 1e-4 rad': partial(chain_by, partial(by_newton, 1e-4)),
-    'plain Newton 1e-6 rad': partial(chain_by, partial(by_newton, 1e-6)),
-}
+NEWTON: dict[str, Solver] = {f'plain Newton {name} rad': partial(chain_by, partial(by_newton, float(name)))
+                             for name in ('1e-3', '1e-4', '1e-6')}

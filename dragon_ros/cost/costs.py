@@ -98,7 +98,7 @@ def text_of(costs: Costs) -> str:
 def _accuracy_text(found: Accuracy) -> str:
     times = ', '.join(f'{t_s:g}' for t_s in found.times_s)
     title = (f'Accuracy: largest errors of {found.handles:,} handles at {times} s' if found.handles else
-             f'Accuracy at {times} s; no errors: the reference of a dragon this long, led by its tail, takes minutes')
+             f'Accuracy at {times} s; no errors: {found.lack}')
     rows = [(row.name, _figure(row.error_m), _figure(row.promise_m), _figure(row.speed_error_m_s), _us(row.positions),
              _us(row.with_velocities), row.note) for row in found.solvers]
     head = 'solver', 'error (m)', 'promise (m)', 'speed (m/s)', 'µs per tick', 'with velocities', ''
