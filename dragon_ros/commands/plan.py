@@ -339,7 +339,8 @@ def _drawing(plan: Plan, paper: str, scale: int, window: Floats, number: tuple[i
     axes.plot(*plan.line.T, color='black', linewidth=0.7, linestyle=_CENTRE_LINE, zorder=3, label=plan.say('track'))
     labels = _draw_marks(axes, plan, window)
     marks, _ = _poses(plan, plan.marks_m)
-    taken = [*labels, *((at, float(_TEXT_PT)) for at in axes.transData.transform(marks) * 72 / figure.dpi)]
+    points = axes.transData.transform(np.concatenate((marks, _followed(plan, window)))) * 72 / figure.dpi
+    taken = [*labels, *((at, float(_TEXT_PT)) for at in points)]
     _draw_gaps(axes, plan, window, taken)
     _draw_room(axes, plan, window, taken)
     _bar(figure, paper, scale)
@@ -460,18 +461,24 @@ def _draw_gaps(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Float
                       arrowprops={'arrowstyle': '-', 'color': colour, 'linewidth': 0.5})
 
 
+def _followed(plan: Plan, window: Floats) -> Floats:
+    """Return points (m, shape (M, 2)) every metre along the track inside a window."""
+    points, _ = _poses(plan, plan.room_m[0])
+    return points[np.all((points > window[0]) & (points < window[1]), axis=1)]
+
+
 def _free_offset(axes: 'Axes', at: Floats, label: str, taken: list[tuple[Floats, float]]) -> tuple[float, float]:
-    """Return the smallest offset (in points) at which a label overlaps no other label."""
+    """Return the offset (in points) at which a label overlaps fewest labels and points of the track."""
     scale = axes.figure.dpi / 72
     here = np.asarray(axes.transData.transform(at)) / scale
     half = 0.5 * _WIDE * _TEXT_PT * len(label)
     ring = [(radius * np.cos(angle), radius * np.sin(angle)) for radius in (30, 55, 80, 110, 150)
             for angle in np.radians([-60, 60, -120, 120, 0, 180, -90, 90])]
-    for x, y in ring:
-        x += np.copysign(0.6 * half, x) if abs(x) > 1 else 0.0
-        if all(abs(here[0] + x - other[0]) > half + wide or abs(here[1] + y - other[1]) > 2 * _TEXT_PT
-               for other, wide in taken):
-            break
+    offsets = [(x + (np.copysign(0.6 * half, x) if abs(x) > 1 else 0.0), y) for x, y in ring]
+    middles, wide = np.array([middle for middle, _ in taken]) - here, half + np.array([one for _, one in taken])
+    overlaps = [np.sum((np.abs(middles[:, 0] - x) <= wide) & (np.abs(middles[:, 1] - y) <= 2 * _TEXT_PT))
+                for x, y in offsets]
+    x, y = offsets[int(np.argmin(overlaps))]        # the nearest of the best
     taken.append((here + np.array((x, y)), half))
     return float(x), float(y)
 
@@ -501,6 +508,7 @@ def _draw_room(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Float
             label = plan.say('room', room=left + right)
             axes.annotate(label, points[0], xytext=_free_offset(axes, points[0], label, taken),
                           textcoords='offset points', fontsize=_TEXT_PT, ha='center', va='center', zorder=7,
+                          bbox={'boxstyle': 'round,pad=0.1', 'facecolor': 'white', 'edgecolor': 'none'},
                           arrowprops={'arrowstyle': '-', 'color': QUIET, 'linewidth': 0.5})
 
 
