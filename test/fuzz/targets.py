@@ -544,12 +544,30 @@ def results(folder: Path) -> Target:
         b'225', b'0:01:00', b'45000', '\u2028'.encode(), b'=1+1', b'\x1b[2J', b'\r'))
 
 
+def answers(folder: Path) -> Target:
+    """Files of answers for ``grade --answers``: one team's, several teams', and JSON in the published form."""
+    from dragon_contest.answers import right_answers
+    from dragon_contest.grade.team import grade_team, teams_in
+    path = folder / 'answers.json'
+
+    def run(data: bytes) -> None:
+        path.write_bytes(data)
+        with contextlib.suppress(DragonError):
+            for team in teams_in(path)[:8]:
+                assert len(grade_team(team).answers) == len(team.answers)
+    seeds = ('t_s: 412.47\npitch_m: 0.45\n', 'team 1: {t_s: 464, turn_m: 14.1372}\n',
+             '{"t_s": 412.473838, "speed_m_s": 2.00002}',
+             json.dumps({'answers': right_answers()['answers']}))
+    return Target([one.encode() for one in seeds], run, (
+        b'nan', b'1e400', b'null', b'[]', b'{}', b'&a ', b'*a', b'!!int ""', b'\x1b[2J', b'-1', b'true', b'"',
+        b'answers', b'0x1F', b'1_0', '\u2028'.encode()))
+
+
 TARGETS: dict[str, Callable[[Path], Target]] = {
     'bag': bag, 'mix': mix, 'folder': folder_of_parts, 'scene': scene, 'override': override, 'certificate': certificate,
     'study': study, 'request': request, 'command_line': command_line, 'workbook': workbook, 'results': results,
-    'message': message,
-    'obstacles': obstacles, 'command': command, 'drawing': drawing, 'map': map_file,
-    'filters': filters}
+    'answers': answers, 'message': message, 'obstacles': obstacles, 'command': command, 'drawing': drawing,
+    'map': map_file, 'filters': filters}
 
 
 @contextlib.contextmanager
