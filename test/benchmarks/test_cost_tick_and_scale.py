@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from benchmarks import command, first_ticks, live, scale, stages, ticks
+from benchmarks import command, first_ticks, growth, live, scale, stages, ticks
 from benchmarks.scale import build
 from benchmarks.solvers import CHAIN_SOLVERS
 from benchmarks.stages import STAGES, stages_of
@@ -16,6 +16,11 @@ from dragon_ros.cost.measure import Timing
 
 def timing(seconds):
     return Timing(seconds, seconds, seconds, 9)
+
+
+@pytest.mark.parametrize('benches', sorted({*growth.SIZES, *scale.SIZES, *scale.LIVE}))
+def test_every_dragon_of_the_pages_on_growth_lies_within_the_world(benches):
+    assert Scene(dragon=Dragon(benches)).dragon.benches == benches
 
 
 @pytest.mark.parametrize('solver', CHAIN_SOLVERS)
