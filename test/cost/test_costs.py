@@ -1,12 +1,7 @@
 """The figures of ``cost --scene``, its notes on parts that do not apply, its formats and its requirements."""
 import json
-import pickle
 import subprocess
 import sys
-from dataclasses import replace
-from functools import reduce
-from operator import or_
-from types import SimpleNamespace
 
 import numpy as np
 import pictures
@@ -14,11 +9,9 @@ import pytest
 from properties import thinned
 
 from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.flags import NEEDS, Effect, known
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.step import frame_of, state
-from dragon_ros.cost import accuracy, bags, contact, costs, effects
+from dragon_ros.cost import accuracy, bags, contact, costs
 from dragon_ros.cost.command import PAGES, main
 from dragon_ros.cost.picture import picture
 from dragon_ros.scenes.load import load_scene
@@ -63,27 +56,6 @@ def test_solvers_of_one_spiral_have_a_note_on_other_tracks():
     for name in ('paper', 'plain Newton 1e-6 rad'):
         assert 'one spiral, led by the head' in rows[name].note
         assert rows[name].positions is None
-
-
-@pytest.mark.parametrize('effect', known().values(), ids=str)
-def test_the_priced_work_of_an_effect_is_what_the_tick_does_for_it(effect):
-    below = effect
-    while (more := below | effects_needed_by(below)) != below:
-        below = more
-    scene = Scene(dragon=Dragon(12), run=Run(0.0, 20.0), effects=below)
-    chain = state(scene, 10.0)
-    frame, without = (frame_of(compile_scene(one), None, 10**10, chain)._asdict()
-                      for one in (scene, replace(scene, effects=below & ~effect)))
-    name, compute = effects.FIELDS.get(effect, ('', None))
-    assert {key for key in frame if (frame[key] is None) != (without[key] is None)} == ({name} if name else set())
-    if compute:
-        again = compute(compile_scene(scene), SimpleNamespace(**frame))
-        assert pickle.dumps(again) == pickle.dumps(frame[name])
-
-
-def effects_needed_by(some):
-    """Return the effects that the given effects require directly."""
-    return reduce(or_, (NEEDS.get(one, Effect.NONE) for one in some), Effect.NONE)
 
 
 def test_the_effects_of_the_scene_are_told_from_the_others(winding):

@@ -283,7 +283,7 @@ def message(folder: Path) -> Target:
         rclpy.init()
     monitor, recorder = Monitor(), Recorder(BagWriter(folder / 'messages.mcap', True))
     names = list(channels())
-    take = {name: recorder._take(recorder._names[name], channels()[name]) for name in names}
+    take = {name: recorder.recording.receiver(channels()[name]) for name in names}
     numbers = iter(range(1, 10**9))
 
     def run(data: bytes) -> None:

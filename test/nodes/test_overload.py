@@ -236,10 +236,10 @@ def recorder_on(folder, hold, queue_mb):
 def test_a_recorder_whose_disk_does_not_follow_leaves_out_whole_ticks_within_its_queue(ros, tmp_path, messages, capfd):
     go = threading.Event()
     recorder = recorder_on(tmp_path, go, queue_mb=2.0)
-    takes = {name: recorder._take(f'/dragon/{name}', channels()[name]) for name in ('handles', 'benches')}
+    takes = {name: recorder.recording.receiver(channels()[name]) for name in ('handles', 'benches')}
     for name, data, _, number in messages:
         takes[name](data, info(number))
-        assert recorder.writer.fill < 1.05
+        assert recorder.recording.writer.fill < 1.05
     recorder.poll(keep_going=True)
     go.set()
     assert not recorder.close()

@@ -351,7 +351,7 @@ def test_a_message_that_no_reader_takes_is_named_and_counted_and_the_bag_is_not_
     rclpy.init()
     try:
         node = Recorder(writer.BagWriter(tmp_path / 'a.mcap', threaded=False))
-        take = node._take('/dragon/handles', channels()['handles'])
+        take = node.recording.receiver(channels()['handles'])
         for n in range(1, 4):
             take(poses(n) + bytes(1000 * (n == 2)), {'source_timestamp': n, 'publication_sequence_number': n})
         assert not node.close()
