@@ -127,12 +127,11 @@ def exponent(rows: list[Stage], value: Callable[[Stage], float]) -> float:
 
 
 def table(rows: Measured) -> str:
-    """Return the tables as Markdown, after a line that states the machine, the versions and the date."""
+    """Return the tables of the default solver as Markdown, after a line with the machine, the versions and the date."""
     parts = [f'{circumstances()}. Times are medians that exclude the first call.']
-    for solver in dict.fromkeys(row.solver for row in rows.stages):
-        mine = [row for row in rows.stages if row.solver == solver]
-        parts += [_stage_table(f'ms of N benches ({solver}, exact)', mine, _milliseconds, '.3g', rows.limits_s),
-                  _stage_table(f'MB at once ({solver}, exact)', mine, _megabytes, '.3g')]
+    default = [row for row in rows.stages if row.solver == rows.stages[-1].solver]
+    parts += [_stage_table('ms of N benches', default, _milliseconds, '.3g', rows.limits_s),
+              _stage_table('MB at once', default, _megabytes, '.3g')]
     return '\n\n'.join([*parts, _build_table(rows.builds), _live_table(rows)])
 
 
