@@ -102,14 +102,13 @@ class ChainIntervals:
 
     A group is a set of pairs, with a bound on the gaps of all other pairs in an interval. The group of a root holds the
     pairs within reach. If the bound on a pair's gap in an interval is not far below the gaps at both ends, the pair
-    counts as cleared on all parts of the interval and is left out of the groups of these parts. If ``head_only``, only
-    the pairs of the head count.
+    counts as cleared on all parts of the interval and is left out of the groups of these parts.
     """
 
-    def __init__(self, domain: SearchDomain, head_only: bool = False) -> None:
+    def __init__(self, domain: SearchDomain) -> None:
         """Prepare the bounds of a domain."""
         dragon, afar = domain.dragon, domain.track.from_afar
-        self._domain, self._head_only, self.tolerance_m = domain, head_only, domain.tolerance_m
+        self._domain, self.tolerance_m = domain, domain.tolerance_m
         self._behind = domain.leader.direction == BEHIND
         self._half = dragon.half_sizes_m
         self._arm = np.hypot(*self._half)
@@ -157,8 +156,6 @@ class ChainIntervals:
             on_spiral = np.maximum(a.segment, b.segment)[:, bench] == 0
             inner = np.minimum(a.u, b.u)[:, bench]
             out[:, bench] = np.where(on_spiral, self._layers.gaps_m(inner, bench), -np.inf)
-        if self._head_only:
-            out[:, 1:] = np.inf
         return out
 
     def begin(self, samples: ChainSamples, pairs: Ints, _: Ints) -> None:
@@ -204,7 +201,7 @@ class ChainIntervals:
         gap_a, gap_b, low_m, room = self._by_motion(a, b, row, i, j)
         left = np.flatnonzero(low_m <= self.tolerance_m)
         for some in self._blocks(left, row):
-            bent_m, bent_room = self.by_acceleration(a, b, row[some], i[some], j[some])
+            bent_m, bent_room = self._by_acceleration(a, b, row[some], i[some], j[some])
             low_m[some], room[some] = np.maximum(low_m[some], bent_m), np.maximum(room[some], bent_room)
         bound_m, least = self._others_m[group], np.full(group.size, 1.0)
         np.minimum.at(bound_m, row, low_m)
@@ -253,7 +250,7 @@ class ChainIntervals:
         self._pairs = np.concatenate((i, i[at[left]])), np.concatenate((j, j[at[left]]))
         return out
 
-    def by_acceleration(self, a: ChainSamples, b: ChainSamples, row: Ints, i: Ints, j: Ints
+    def _by_acceleration(self, a: ChainSamples, b: ChainSamples, row: Ints, i: Ints, j: Ints
                          ) -> tuple[Floats, Floats]:
         """Return second-order lower bounds (P,) on the gaps of pairs, and the room of each pair.
 
@@ -303,11 +300,11 @@ def _slices(size: int, most: int) -> Iterator[slice]:
 
 
 class WholeChain:
-    """All pairs of benches of a domain (or those of the head), with the part cleared so far."""
+    """All pairs of benches of a domain, with the part cleared so far."""
 
-    def __init__(self, domain: SearchDomain, head_only: bool = False) -> None:
+    def __init__(self, domain: SearchDomain) -> None:
         """Prepare the search of a domain."""
-        self._domain, self._space = domain, ChainIntervals(domain, head_only)
+        self._domain, self._space = domain, ChainIntervals(domain)
         self._spacing_m = _SPACING * float(np.max(domain.dragon.bench_lengths_m))
         self._rows: list[tuple[float, float, float]] = []
         self._hit: Bracket | None = None

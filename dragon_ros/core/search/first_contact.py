@@ -42,31 +42,24 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
     obstacle also counts as a contact. Raises FieldError if the dragon does not start inside its venue and clear of
     obstacles.
     """
+    simulation = compile_scene(scene.exactly)
     if scene.venue is not None:
         from dragon_ros.core.search.venue import check_sides
-        check_sides(scene)
-    travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
-    searches = {sense: _ContactSearch(SearchDomain(scene, travel, sense, progress)) for sense in travel.senses or [1]}
+        check_sides(simulation)
+    travel = RangeOfTravel.of(simulation)
+    searches = {sense: _ContactSearch(SearchDomain(simulation, travel, sense, progress))
+                for sense in travel.senses or [1]}
     hits = {sense: hit for sense, search in searches.items() if (hit := search.first())}
     if not hits:
         proof = _together(search.certificate(True) for search in searches.values())
-        return NoContact(compile_scene(scene).end, sum(search.states for search in searches.values()), proof)
+        return NoContact(simulation.end, sum(search.states for search in searches.values()), proof)
     sense = min(hits, key=lambda sense: hits[sense].t_s)
     hit, before = hits[sense], travel.until(hits[sense].t_s)
     # The travel in the other direction before this contact is cleared separately.
-    rest = [_ContactSearch(SearchDomain(scene, before, other, progress)) for other in before.senses if other != sense]
+    rest = [_ContactSearch(SearchDomain(simulation, before, other, progress))
+            for other in before.senses if other != sense]
     proof = _together([hit.certificate, *(search.certificate(search.bracket() is None) for search in rest)])
     return replace(hit, certificate=proof, states=sum(search.states for search in (*searches.values(), *rest)))
-
-
-def head_passes(scene: Scene, progress: Callable[[int], object] = lambda states: None) -> bool:
-    """Return whether the head, winding in on a spiral, provably touches no bench during the scene's run.
-
-    Other benches may touch each other.
-    """
-    travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
-    domain = SearchDomain(scene, travel, 1, progress)
-    return WholeChain(domain, head_only=True).clear(domain.stop_m) is None
 
 
 class _ContactSearch:

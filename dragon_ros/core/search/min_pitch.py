@@ -117,8 +117,8 @@ class _Runs:
 
     def domain(self, pitch_m: float) -> SearchDomain:
         """Return the chains of a run."""
-        scene = self._scene(pitch_m)
-        return SearchDomain(scene, RangeOfTravel(scene.head, 0.0, compile_scene(scene).end.t_s), 1, self._count)
+        simulation = compile_scene(self._scene(pitch_m))
+        return SearchDomain(simulation, RangeOfTravel.of(simulation), 1, self._count)
 
     def bracket(self, domain: SearchDomain) -> Bracket | None:
         """Return the first part of a run that cannot be cleared; None proves that the run has no contact."""

@@ -15,7 +15,7 @@ from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.geometry.broad_phase import boxes_within, candidates
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.geometry.signed_distance import gaps, seen_from, signed_gap
-from dragon_ros.core.model import compile_scene
+from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.numerics.vectors import complex_of
 from dragon_ros.core.scene import Scene
@@ -80,15 +80,16 @@ def near_misses(scene: Scene, found: Contact | NoContact, below_m: float,
     A position that the leader passes several times yields one near miss per passage. ``progress(states)`` is called
     with the number of states evaluated since the last call.
     """
-    end_s = found.t_s if isinstance(found, Contact) else compile_scene(scene).end.t_s
-    travel, misses = RangeOfTravel(scene.head, scene.run.start_s, end_s), list[NearMiss]()
+    simulation, misses = compile_scene(scene.exactly), list[NearMiss]()
+    travel = RangeOfTravel.of(simulation)
+    travel = travel.until(found.t_s) if isinstance(found, Contact) else travel
     for sense in travel.senses:
-        domain = SearchDomain(scene, travel, sense, progress)
+        domain = SearchDomain(simulation, travel, sense, progress)
         dips = _nearest_edges(domain, _distinct(_dips_of(domain, below_m)))
         passed = travel.passages_s([dip.place for dip in dips])
         misses += [_miss(domain, dip.pair, t_s, dip.gap_m)
                    for dip, times in zip(dips, passed, strict=True) for t_s in times]
-    misses += _at_reversals(scene, travel, below_m)
+    misses += _at_reversals(simulation, travel, below_m)
     misses.sort(key=lambda miss: (miss.gap_m, miss.t_s))
     return NearMisses(tuple(misses[:MOST]), len(misses))
 
@@ -274,10 +275,10 @@ def lowest(function: Callable[[Floats], Floats], left: Floats, right: Floats) ->
     return np.where(lower, a, b), np.where(lower, at_a, at_b)
 
 
-def _at_reversals(scene: Scene, travel: RangeOfTravel, below_m: float) -> Iterator[NearMiss]:
+def _at_reversals(simulation: Simulation, travel: RangeOfTravel, below_m: float) -> Iterator[NearMiss]:
     """Yield the near misses at the positions where the leader reverses."""
     for t_s, sense in travel.reversals:
-        domain, gone_m = SearchDomain(scene, travel, sense, lambda states: None), travel.gone_m(t_s)
+        domain, gone_m = SearchDomain(simulation, travel, sense, lambda states: None), travel.gone_m(t_s)
         benches, earlier = domain.benches(gone_m), domain.benches(gone_m - sense * _CLOSING_M)
         unsure_m = 2 * domain.tolerance_m
         i, j = candidates(domain.chain(gone_m).p, benches, below_m)

@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros.core.geometry.venue import surroundings_of
 from dragon_ros.core.numerics.types import Floats, Ints, distinct
 from dragon_ros.core.search.bounding_box import BenchStates, SweptBench, by_length, turning_m
 from dragon_ros.core.search.driver import Judgement, clear
@@ -111,9 +110,8 @@ class Obstacles:
 
     def __init__(self, domain: SearchDomain) -> None:
         """Prepare the search of a domain whose scene has a venue."""
-        assert domain.scene.venue
-        self._domain = domain
-        self._around = surroundings_of(domain.scene.venue)
+        assert domain.around
+        self._domain, self._around = domain, domain.around
         self._longest_m = float(np.max(domain.dragon.bench_lengths_m))
         self._hit: Bracket | None = None
 

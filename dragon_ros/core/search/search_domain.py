@@ -22,10 +22,9 @@ from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.geometry.broad_phase import candidates, default_reach_m
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of, corner_levers
 from dragon_ros.core.geometry.signed_distance import gap_of, gaps
-from dragon_ros.core.model import compile_scene
+from dragon_ros.core.model import Simulation
 from dragon_ros.core.numerics.roots import bracketed_newton, illinois
 from dragon_ros.core.numerics.types import Floats, Ints
-from dragon_ros.core.scene import Scene
 from dragon_ros.core.tracks.segments import BEHIND
 
 if TYPE_CHECKING:       # scenes without a venue do not need this module
@@ -48,6 +47,12 @@ class RangeOfTravel:
     law: HeadLaw
     start_s: float
     end_s: float
+
+    @classmethod
+    def of(cls, simulation: Simulation) -> 'RangeOfTravel':
+        """Return the range of a whole run."""
+        run = simulation.scene.run
+        return cls(simulation.scene.head, run.start_s, simulation.end.t_s)
 
     def until(self, end_s: float) -> 'RangeOfTravel':
         """Return the range up to an earlier time."""
@@ -137,10 +142,10 @@ class Bracket(NamedTuple):
 class SearchDomain:
     """The chains of a scene while its leader moves from ``start_m`` to ``stop_m``; ``states`` counts the samples."""
 
-    def __init__(self, scene: Scene, travel: RangeOfTravel, sense: int, progress: Callable[[int], object]) -> None:
+    def __init__(self, simulation: Simulation, travel: RangeOfTravel, sense: int,
+                 progress: Callable[[int], object]) -> None:
         """Cover travel forwards (``sense`` 1) or backwards (-1)."""
-        self.scene, self.dragon, self.sense, self.states = scene, scene.dragon, sense, 0
-        simulation = compile_scene(scene.exactly)
+        self.scene, self.dragon, self.sense, self.states = simulation.scene, simulation.scene.dragon, sense, 0
         self.simulation, self.leader, self.track = simulation, simulation.model.leader, simulation.model.track
         self._travel, self._tell = travel, progress
         # The errors of handles and of gaps, and what a lower bound on a gap must exceed: the gap's error at two states.

@@ -5,7 +5,7 @@ from typing import NoReturn
 from dragon_ros.core.errors import FieldError, ModelEnd
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.geometry.venue import surroundings_of
-from dragon_ros.core.model import compile_scene
+from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.venue import INSIDE
 
@@ -21,15 +21,16 @@ def check_start(scene: Scene) -> None:
         bench, number, _ = around.touching(benches)
         if bench.size:
             _refuse(scene, around.names[number[0]], f'bench {bench[0]} touches it when the run starts')
-    check_sides(scene)
+    check_sides(simulation)
 
 
-def check_sides(scene: Scene) -> None:
+def check_sides(simulation: Simulation) -> None:
     """Raise FieldError if the middle of the head is in an obstacle, or outside the venue, when the run starts."""
+    scene = simulation.scene
     assert scene.venue
     around = surroundings_of(scene.venue)
     with suppress(ModelEnd):
-        front, rear = compile_scene(scene).model.march(scene.head.travelled_m(scene.run.start_s)).p[:2]
+        front, rear = simulation.model.march(scene.head.travelled_m(scene.run.start_s)).p[:2]
         misplaced = around.misplaced(*(0.5 * (front + rear)).tolist())
         if misplaced is not None:
             _refuse(scene, around.names[misplaced], 'the dragon is outside this polygon when the run starts' if

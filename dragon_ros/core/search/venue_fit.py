@@ -77,7 +77,7 @@ def venue_fit(scene: Scene, within_m: float = 1e-6, progress: Callable[[int], ob
     if scene.venue is None:
         raise FieldError('venue', None, 'the scene has no venue', 'give obstacles or an inside polygon')
     around, ranges = surroundings_of(scene.venue), HandleRanges(scene)
-    check_sides(scene)
+    check_sides(compile_scene(scene))
     search = _Nearing(around, within_m, progress)
     kinds = by_length(scene.dragon.bench_lengths_m)
     for kind, benches in enumerate(kinds):

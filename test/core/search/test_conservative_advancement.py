@@ -247,8 +247,8 @@ links_of = st.floats(0.3, 2.5)
 def test_no_corner_leaves_a_line_by_more_than_the_bound(benches, head, body, width, track, lead, gone_m, way_m):
     try:
         scene = Scene(Dragon(benches, 0.4 + head, 0.4 + body, width, 0.2), track, Head(1.0, lead), Run(0, 25))
-        travel = RangeOfTravel(scene.head, 0.0, compile_scene(scene).end.t_s)
-        domain = SearchDomain(scene, travel, 1, lambda states: None)
+        simulation = compile_scene(scene)
+        domain = SearchDomain(simulation, RangeOfTravel.of(simulation), 1, lambda states: None)
         assume(gone_m + way_m < domain.stop_m)
     except DragonError:     # the dragon does not fit the track
         assume(False)
@@ -287,7 +287,7 @@ def seen(domain, gone_m, i, j):
 @pytest.mark.parametrize('lead', ['head', 'tail'])
 def test_on_a_circle_nothing_moves_as_benches_see_each_other(lead):
     scene = Scene(Dragon(8), Composite((Line(60.0), Arc(4.0, 700.0)), start_m=100.0), Head(1.0, lead), Run(0, 5))
-    domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 5.0), 1, lambda states: None)
+    domain = SearchDomain(compile_scene(scene), RangeOfTravel(scene.head, 0.0, 5.0), 1, lambda states: None)
     assert np.max(bounds_of(domain, 0.5, 0.3, *np.triu_indices(8, 2))) < 1e-5
 
 
@@ -303,7 +303,7 @@ def ways_of(domain, gone_m, way_m, count=40):
 def domain_of(dragon, track, lead, stop_s=25.0):
     scene = Scene(dragon, track, Head(1.0, lead), Run(0, stop_s))
     travel = RangeOfTravel(scene.head, 0.0, min(stop_s, compile_scene(scene).end.t_s))
-    return SearchDomain(scene, travel, 1, lambda states: None)
+    return SearchDomain(compile_scene(scene), travel, 1, lambda states: None)
 
 
 @examples(20)
@@ -345,7 +345,7 @@ def test_bounds_between_states_leave_room_for_how_corners_leave_lines_and_for_ha
     i, j = np.triu_indices(12, 2)
     space, row = conservative_advancement.ChainIntervals(domain), np.zeros_like(i)
     ends = [space.sample(np.array([gone_m + k * step]), row[:1]) for k in (-1, 1)]
-    bound_m, _ = space.by_acceleration(*ends, row, i, j)
+    bound_m, _ = space._by_acceleration(*ends, row, i, j)
     before, here, after = (seen(domain, gone_m + k * step, i, j) for k in (-1, 0, 1))
     sag_m = np.max(np.hypot(*(0.5 * (before + after) - here)), axis=-1)
     placed = [placement(*space._rectangles(end, row, i, j)) for end in ends]

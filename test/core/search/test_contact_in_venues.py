@@ -132,9 +132,9 @@ def test_a_slow_kiss_of_an_arc_and_a_wall_grazes_or_touches_as_its_gap_says():
 def test_windows_hold_every_place_of_every_bench_once(name):
     """In each phase, the windows for a bench length contain exactly the positions that their front handles pass."""
     scene = with_venue(SCENES[name], 1)
-    travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
+    travel = RangeOfTravel.of(compile_scene(scene))
     for sense in travel.senses:
-        domain = SearchDomain(scene, travel, sense, lambda states: None)
+        domain = SearchDomain(compile_scene(scene), travel, sense, lambda states: None)
         for phase in domain.phases(domain.start_m, domain.stop_m):
             for benches in by_length(scene.dragon.bench_lengths_m):
                 windows = windows_of(domain, benches, phase, 0.8)
@@ -150,7 +150,7 @@ def test_windows_hold_every_place_of_every_bench_once(name):
 def test_bounds_leave_room_for_what_positions_and_roundings_may_err():
     """Allowing for displaced benches raises no bound, and lowers one bound by more than a tenth of the error."""
     scene = with_venue(SCENES['street'], 3)
-    domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 20.0), 1, lambda states: None)
+    domain = SearchDomain(compile_scene(scene), RangeOfTravel(scene.head, 0.0, 20.0), 1, lambda states: None)
     bench, edge = SweptBench.of(domain.track, domain.dragon, 1), np.arange(domain.around.owner.size)
     states = bench.states(np.array([10.0, 10.4]))
     ends = states.rows(np.zeros(edge.size, dtype=int)), states.rows(np.ones(edge.size, dtype=int))
@@ -165,7 +165,7 @@ def test_the_bound_at_one_place_is_the_gap_less_what_it_may_be_rounded_by():
     far_m = 1e5
     around = surroundings_of(Venue((LineObstacle('long', ((-far_m, 30.0), (far_m, 30.0))),)))
     scene, edge = SCENES['street'], np.zeros(1, dtype=np.int64)
-    domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 20.0), 1, lambda states: None)
+    domain = SearchDomain(compile_scene(scene), RangeOfTravel(scene.head, 0.0, 20.0), 1, lambda states: None)
     bounds = ObstacleBounds(SweptBench.of(domain.track, domain.dragon, 1), around)
     state = bounds.bench.states(np.array([10.0]))
     gap_m = bounds.gaps(state, edge)
@@ -175,7 +175,8 @@ def test_the_bound_at_one_place_is_the_gap_less_what_it_may_be_rounded_by():
 
 @pytest.mark.parametrize(('longest', 'is_bounded'), [(5.97, True), (6.03, False)])
 def test_a_move_of_corners_of_up_to_six_benches_is_bounded_and_a_longer_one_is_cut(longest, is_bounded):
-    domain = SearchDomain(replace(ALONG, venue=Venue((WALL,))), RangeOfTravel(ALONG.head, 0.0, 1.0), 1, lambda _: None)
+    simulation = compile_scene(replace(ALONG, venue=Venue((WALL,))))
+    domain = SearchDomain(simulation, RangeOfTravel(ALONG.head, 0.0, 1.0), 1, lambda _: None)
     longest_m = float(np.max(ALONG.dragon.bench_lengths_m))
     bounds = ObstacleBounds(SweptBench.of(domain.track, domain.dragon, 1), domain.around)
     space = _SweptIntervals(bounds, 1e-9, longest_m, lambda _: None)
@@ -195,7 +196,8 @@ def test_a_bench_along_a_wall_is_clear_only_if_errors_of_its_handles_cannot_turn
     link_m = 2.2 / 3.9      # the error of a corner is that of a handle times (length + width) / link: 4.43
     scene = replace(ALONG, dragon=Dragon(2, 2.2, 2.2, 0.3, 0.5 * (2.2 - link_m)), run=Run(0.0, 1.0))
     wall = LineObstacle('wall', ((14.0, 0.15 + errors * 2e-12), (23.0, 0.15 + errors * 2e-12)))
-    domain = SearchDomain(replace(scene, venue=Venue((wall,))), RangeOfTravel(scene.head, 0.0, 1.0), 1, lambda _: None)
+    simulation = compile_scene(replace(scene, venue=Venue((wall,))))
+    domain = SearchDomain(simulation, RangeOfTravel(scene.head, 0.0, 1.0), 1, lambda _: None)
     assert domain.error_m == pytest.approx(2e-12, rel=0.5)
     assert (Obstacles(domain).clear(1.0) is None) == is_clear
 

@@ -5,6 +5,7 @@ import pytest
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.geometry.signed_distance import gaps
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.conservative_advancement import ChainIntervals
 from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
@@ -15,7 +16,7 @@ MORE = 1e4      # errors of handles that are this many times larger still count 
 
 def domain_of(dragon):
     scene = Scene(dragon, Composite((Arc(4.0, 300.0),), 9.0), run=Run(stop_s=5.0))
-    return SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 5.0), 1, lambda states: None)
+    return SearchDomain(compile_scene(scene), RangeOfTravel(scene.head, 0.0, 5.0), 1, lambda states: None)
 
 
 def placed(p, dragon):

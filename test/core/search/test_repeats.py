@@ -24,8 +24,8 @@ ALTERNATING = Mixed((Group(3.0), *(Group(length) for _ in range(9) for length in
 
 
 def domain_of(scene):
-    travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
-    return SearchDomain(scene, travel, travel.senses[0], lambda states: None)
+    travel = RangeOfTravel.of(compile_scene(scene))
+    return SearchDomain(compile_scene(scene), travel, travel.senses[0], lambda states: None)
 
 
 def gap_of(domain, gone_m, i, j):

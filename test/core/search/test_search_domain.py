@@ -89,7 +89,7 @@ def test_the_range_of_a_run_holds_every_place_of_it():
 def domain_of(stop_s):
     scene = Scene(dragon=Dragon(20), run=Run(0, stop_s))
     end_s = compile_scene(scene).end.t_s
-    return SearchDomain(scene, RangeOfTravel(scene.head, 0.0, end_s), 1, lambda states: None), end_s
+    return SearchDomain(compile_scene(scene), RangeOfTravel(scene.head, 0.0, end_s), 1, lambda states: None), end_s
 
 
 def test_a_domain_goes_on_to_the_end_of_its_run_but_not_quite_to_a_lock():
@@ -113,7 +113,7 @@ def test_phases_follow_the_travel_in_both_directions_and_no_handle_turns_back_wi
     law = Profile(((0.0, 1.0), (110.8, 1.0), (110.8, -1.0), (120.0, -1.0)))
     scene, travel = Scene(Dragon(12, 1.0, 1.0, 0.01), Spiral(0.55, 8.0)), RangeOfTravel(law, *{
         1: (110.0, 110.8), -1: (110.8, 111.6)}[sense])
-    domain = SearchDomain(scene, travel, sense, lambda states: None)
+    domain = SearchDomain(compile_scene(scene), travel, sense, lambda states: None)
     parts = domain.phases(domain.start_m, domain.stop_m)
     assert (parts[0][0], len(parts), parts[-1][1]) == (domain.start_m, 3, domain.stop_m)
     assert all(one[1] == two[0] for one, two in pairwise(parts))

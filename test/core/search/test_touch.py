@@ -13,8 +13,8 @@ from dragon_ros.core.tracks.spec import Spiral
 
 
 def domain_of(scene):
-    travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
-    return SearchDomain(scene, travel, 1, lambda states: None)
+    travel = RangeOfTravel.of(compile_scene(scene))
+    return SearchDomain(compile_scene(scene), travel, 1, lambda states: None)
 
 
 @pytest.fixture(scope='module')
