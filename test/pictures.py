@@ -7,7 +7,7 @@ from shapely.strtree import STRtree
 
 from dragon_ros.cli.figures import PAGE_IN, TEXT_PT
 
-_HAIR = 0.75        # tolerance in pixels at 100 dots per inch
+_TOLERANCE = 0.75        # tolerance in pixels at 100 dots per inch
 
 
 class Picture:
@@ -20,12 +20,12 @@ class Picture:
 
     def cropped(self):
         """Return the texts that the edge of the figure cuts off."""
-        edge = box(*self._figure.bbox.extents).buffer(_HAIR)
+        edge = box(*self._figure.bbox.extents).buffer(_TOLERANCE)
         return [words for words, place in self._texts if not edge.contains(place)]
 
     def overlapping(self):
         """Return the pairs of texts that overlap."""
-        shapes = [place.buffer(-_HAIR) for _, place in self._texts]
+        shapes = [place.buffer(-_TOLERANCE) for _, place in self._texts]
         pairs = STRtree(shapes).query(shapes, predicate='intersects').T.tolist()
         return [(self._texts[one][0], self._texts[other][0]) for one, other in pairs if one < other]
 

@@ -37,7 +37,7 @@ from dragon_ros.version import __version__
 MOST_FRAMES = 3000
 _INCHES = 4.6               # longer side of the axes, in inches
 _SAMPLES = 24               # number of moments that determine the window
-_HAIR_S = 1e-9
+_SAME_S = 1e-9
 _CURVE = 400                # number of points on a film's clearance curve
 _GRID = 5                   # minimum number of ground lines across a moving window
 
@@ -54,7 +54,7 @@ def frame_times(source: Source, start_s: float | None, stop_s: float | None, pac
         raise InputError(f'--pace {pace:g}: it gives {counted(frames, "frame")} from {first:g} to {last:g} s, but only '
                          f'2 to {MOST_FRAMES} can be drawn; change --pace, --fps, --start or --stop')
     times_s = first + np.arange(frames, dtype=np.float64) * pace / fps
-    return times_s if last - times_s[-1] < _HAIR_S else np.append(times_s, last)
+    return times_s if last - times_s[-1] < _SAME_S else np.append(times_s, last)
 
 
 def animate(source: Source, times_s: Floats, fps: int, path: Path, drawn: 'AnimatedFigure', progress: Progress,

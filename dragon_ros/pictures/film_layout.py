@@ -17,7 +17,7 @@ _SQUARE_CURVE, _TALL_CURVE = 0.19, 0.13                 # height of a curve belo
 _BETWEEN_IN = 1.05          # between axes, for a title and the labels of an x axis
 _TITLE_IN = 0.95
 _INSET_IN = 1.4
-_HAIR_PX = 0.1              # added to a size, so that the conversion to inches does not lose a pixel
+_ROOM_PX = 0.1              # added to a size, so that the conversion to inches does not lose a pixel
 
 
 class FilmLayout(NamedTuple):
@@ -68,5 +68,5 @@ def _below(width_px: int, height_px: int, has_inset: bool) -> FilmLayout:
 
 
 def _inches(width_px: int, height_px: int, dots: float) -> Floats:
-    size: Floats = (np.array((width_px, height_px)) + _HAIR_PX) / dots
+    size: Floats = (np.array((width_px, height_px)) + _ROOM_PX) / dots
     return size

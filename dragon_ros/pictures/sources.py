@@ -35,7 +35,7 @@ _SAG_M = 1e-4               # largest deviation (m) of the drawn track, small en
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
 Check = Callable[[], None]      # a function that raises an exception if its caller's work is no longer needed
 _REMEMBERED = 8             # number of ticks before a contact that the tracker may use
-_HAIR_S = 1e-9
+_SAME_S = 1e-9
 _AROUND = 2.0               # largest extent of the shown track beyond the dragon, relative to the dragon's size
 _MARGIN = 0.03              # margin around the content, relative to the window
 
@@ -338,8 +338,8 @@ class BagSource:
 
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
         """Return the times (s) of at most ``most`` evenly spaced ticks between two times."""
-        first = int(np.searchsorted(self._times_s, start_s - _HAIR_S))
-        last = int(np.searchsorted(self._times_s, stop_s + _HAIR_S, 'right')) - 1
+        first = int(np.searchsorted(self._times_s, start_s - _SAME_S))
+        last = int(np.searchsorted(self._times_s, stop_s + _SAME_S, 'right')) - 1
         out: Floats = self._times_s[thinned(first, last, most)]
         return out
 

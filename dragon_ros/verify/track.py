@@ -31,14 +31,14 @@ from dragon_ros.verify.segments import (
 
 AnySegment = LineSegment | ArcSegment | SpiralSegment
 _NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # largest difference between a joint and the stated start of a piece
-_HAIR = 1e-12                       # metres by which a position may be beyond the track's end, in addition to rounding
+_MARGIN = 1e-12                     # metres by which a position may be beyond the track's end, in addition to rounding
 _ULPS = 2.0**-50                    # rounding error of a position relative to its distance
 _SHORTER = 1 - 1e-9                  # a chord below this in floats, relative to a link, is certainly shorter
 _NARROW = 1e-15                     # largest uncertainty next to a joint, relative to 1 m or the tightest radius
 
 
-def _hair_m(end: arb) -> float:
-    return _HAIR + _ULPS * abs(float(end))
+def _margin_m(end: arb) -> float:
+    return _MARGIN + _ULPS * abs(float(end))
 
 
 class Place(NamedTuple):
@@ -77,7 +77,7 @@ class Track:
     def place_at(self, metres: arb) -> Place:
         """Return the position at a distance along the track. Raises Refused beyond the ends of the track."""
         for end, sense in ((self.begin, -1), (self.end, 1)):
-            if end is not None and (metres - end) * sense > _hair_m(end):
+            if end is not None and (metres - end) * sense > _margin_m(end):
                 raise Refused(f'{float(metres):.12g} m along the track is beyond its end at {float(end):.12g} m')
         k = bisect_left(self._joints, float(metres))
         while k < len(self.joints) and metres >= self.joints[k]:
@@ -121,7 +121,7 @@ class Track:
         inside = (edge - u) * (segment.sense * way)
         if inside < 0:
             end = self.end if way > 0 else self.begin       # rounding may put a position beyond this end of the track
-            if 0 <= k + way < len(self.segments) or end is None or size(inside * segment.speed(u)) > _hair_m(end):
+            if 0 <= k + way < len(self.segments) or end is None or size(inside * segment.speed(u)) > _margin_m(end):
                 return self._across(place, link, way)
             return Place(k, u)
         if is_inwards:

@@ -93,9 +93,9 @@ class Edges:
 
     def _within(self, left: float, right: float, bottom: float, top: float) -> Iterator[tuple[int, int]]:
         """Yield the cells of a box that is widened by the rounding error."""
-        hair = _ROUNDED * (abs(left) + abs(right) + abs(bottom) + abs(top) + self._cell)
-        for i in range(floor((left - hair) / self._cell), floor((right + hair) / self._cell) + 1):
-            for j in range(floor((bottom - hair) / self._cell), floor((top + hair) / self._cell) + 1):
+        margin = _ROUNDED * (abs(left) + abs(right) + abs(bottom) + abs(top) + self._cell)
+        for i in range(floor((left - margin) / self._cell), floor((right + margin) / self._cell) + 1):
+            for j in range(floor((bottom - margin) / self._cell), floor((top + margin) / self._cell) + 1):
                 yield i, j
 
     def near(self, point: complex, reach_m: float) -> list[Edge]:

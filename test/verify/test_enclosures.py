@@ -370,7 +370,7 @@ def test_beyond_a_joint_points_and_directions_stray_from_the_curve_continued_as_
 
 @pytest.mark.parametrize('scale', [1.0, 0.1])
 @pytest.mark.parametrize(('turns', 'inwards'), [((2.0, 1.0), True), ((1.0, 2.0), False)])
-def test_curvatures_next_to_a_joint_hold_that_of_a_spiral_a_hair_beyond_it(turns, inwards, scale):
+def test_curvatures_next_to_a_joint_hold_that_of_a_spiral_just_beyond_it(turns, inwards, scale):
     """The spiral follows an arc whose radius is, to the last bit, the radius of curvature at the spiral's beginning."""
     u, b = 2 * pi * turns[0], 1.2 * scale / (2 * pi)
     radius = b * (1 + u * u)**1.5 / (2 + u * u) * (1 + (4e-16 if inwards else -4e-16))

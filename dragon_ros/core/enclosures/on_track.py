@@ -198,12 +198,12 @@ def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, si
         rigid = even[:, :-1] & even[:, 1:] & (one.segment[:, :-1] == one.segment[:, 1:])
         axis_error, track_error = direction_errors(links_m, bends, error_m)
         off = axis_error + track_error
-        way = np.abs(two.along_m - one.along_m) + 2 * error_m
+        moved_m = np.abs(two.along_m - one.along_m) + 2 * error_m
         ends = [between(a, b, off) for a, b in ((one.near, two.near), (one.far, two.far))]
         most = largest_curvatures(one, two, bends)
-        angles = _first_angles(ends, k, most + most * most * error_m, way, links_m, off)
+        angles = _first_angles(ends, k, most + most * most * error_m, moved_m, links_m, off)
         inverse_l = sign / links_m
-        near, far = _narrowed(angles, ends, k, way, rigid, inverse_l, off, passes)
+        near, far = _narrowed(angles, ends, k, moved_m, rigid, inverse_l, off, passes)
         return LinkMotion(k, near.sin_cos(), far.sin_cos(), inverse_l, rigid)
 
 
@@ -253,26 +253,26 @@ def largest_curvatures(one: OnTrack, two: OnTrack, bends: Range) -> Floats:
     return out
 
 
-def _first_angles(ends: list[Ball], k: Ball, most: Floats, way: Floats, links_m: Floats, off: Floats) -> list[Ball]:
+def _first_angles(ends: list[Ball], k: Ball, most: Floats, moved_m: Floats, links_m: Floats, off: Floats) -> list[Ball]:
     """Return enclosures of both angles from the largest turning of links and the track, and from Schur's bound."""
     half = ABOVE * 0.5 * most * links_m
     widest = np.where(half < 1, ABOVE * np.arcsin(np.minimum(half, 1.0)), np.inf)
-    swing = swing_rad(most, links_m, way[:, :-1] + way[:, 1:])
-    turned = k.most * way
+    swing = swing_rad(most, links_m, moved_m[:, :-1] + moved_m[:, 1:])
+    turned = k.most * moved_m
     return [Ball(end.mid, np.fmin(ABOVE * (widest + end.most), np.maximum(
         end.rad, ABOVE * (0.5 * (swing + own) + off))))
         for end, own in zip(ends, (turned[:, :-1], turned[:, 1:]), strict=True)]
 
 
-def _narrowed(angles: list[Ball], ends: list[Ball], k: Ball, way: Floats, rigid: Array, inverse_l: Floats,
+def _narrowed(angles: list[Ball], ends: list[Ball], k: Ball, moved_m: Floats, rigid: Array, inverse_l: Floats,
               off: Floats, passes: int) -> list[Ball]:
     """Return enclosures of both angles; each pass narrows them using the rates of the angles."""
-    ways = way[:, :-1], way[:, 1:]
+    each_m = moved_m[:, :-1], moved_m[:, 1:]
     for _ in range(passes):
         (sin_n, cos_n), (sin_f, cos_f) = (angle.sin_cos() for angle in angles)
         rates = (k[:, :-1] - (sin_n - cos_n * cos_f.inverse() * sin_f) * inverse_l,
                  k[:, 1:] - (sin_n * cos_f * cos_n.inverse() - sin_f) * inverse_l)
-        reach = [ABOVE * (0.5 * rate.most * gone + off) for rate, gone in zip(rates, ways, strict=True)]
+        reach = [ABOVE * (0.5 * rate.most * gone + off) for rate, gone in zip(rates, each_m, strict=True)]
         before = angles
         angles = [Ball(end.mid, np.where(rigid, end.rad, np.fmin(angle.rad, np.maximum(end.rad, most))))
                   for angle, end, most in zip(angles, ends, reach, strict=True)]

@@ -22,7 +22,7 @@ _MOST_PAIRS = 1_000_000     # maximum number of pairs, unless the limit per benc
 _MOST_EACH = 16             # maximum number of pairs per bench
 _FEW_PAIRS = 2**14      # number of pairs on a step up to which all boxes are compared
 _MOST_TURNS = 8         # maximum number of layers within reach of a bench; with more layers, boxes are faster
-_HAIR = 1e-9            # tolerance of angles (rad), and of lengths (relative to the dragon's size), far above rounding
+_MARGIN = 1e-9          # tolerance of angles (rad), and of lengths (relative to the dragon's size), far above rounding
 
 
 @dataclass(frozen=True)
@@ -70,21 +70,21 @@ def _sectors(p: Floats, benches: Benches, reach: float) -> _Sectors | None:
     centre, axis = benches.centre, benches.axis
     size = float(np.max(np.abs(centre))) + float(np.max(benches.half_length + benches.half_width))
     x, y, c, s = centre[:, 0], centre[:, 1], axis[:, 0], axis[:, 1]
-    hair = 0.5 * reach + _HAIR * size
-    half, side = benches.half_length + hair, benches.half_width + hair
+    margin = 0.5 * reach + _MARGIN * size
+    half, side = benches.half_length + margin, benches.half_width + margin
     along, aside = x * c + y * s, y * c - x * s
     far_along, far_aside = np.abs(along) + half, np.abs(aside) + side
     near_along, near_aside = np.maximum(np.abs(along) - half, 0), np.maximum(np.abs(aside) - side, 0)
     inner, outer = np.hypot(near_along, near_aside), np.hypot(far_along, far_aside)
     low, high = _spread(along, aside, half, side)
     over = inner <= 0
-    low, high = np.where(over, -np.pi, low - _HAIR), np.where(over, np.pi, high + _HAIR)
+    low, high = np.where(over, -np.pi, low - _MARGIN), np.where(over, np.pi, high + _MARGIN)
     middle = _directions(p, x, y)
     if middle[-1] < middle[0]:
         middle, low, high = -middle, -high, -low
     low, high = middle + low, middle + high
     low = np.minimum.accumulate(low[::-1])[::-1]
-    return None if np.any(low < high - 2 * np.pi - 0.5 * _HAIR) else _Sectors(low, high, inner, outer)
+    return None if np.any(low < high - 2 * np.pi - 0.5 * _MARGIN) else _Sectors(low, high, inner, outer)
 
 
 def _directions(p: Floats, x: Floats, y: Floats) -> Floats:
@@ -173,8 +173,8 @@ def pairs_on_steps(low: Floats, high: Floats, reach_m: Floats) -> Iterator[tuple
     ``low`` and ``high`` (M, N, 2) are the corners of the boxes. The boxes of several steps are queried together, unless
     this would yield too many pairs.
     """
-    hair = (0.5 * reach_m + _HAIR * float(max(np.max(np.abs(low)), np.max(np.abs(high)))))[:, None, None]
-    low, high = low - hair, high + hair
+    margin = (0.5 * reach_m + _MARGIN * float(max(np.max(np.abs(low)), np.max(np.abs(high)))))[:, None, None]
+    low, high = low - margin, high + margin
     for start in range(0, reach_m.size, _TOGETHER):
         some = low[start:start + _TOGETHER], high[start:start + _TOGETHER]
         try:
@@ -207,8 +207,8 @@ def _meeting_pairs(low: Floats, high: Floats, reach_m: float, first: Ints) -> tu
     size = np.maximum(first.size - first, 0)
     i = np.repeat(np.arange(first.size), size)
     j = np.arange(i.size) - np.repeat(np.cumsum(size) - size - first, size)
-    hair = 0.5 * reach_m + _HAIR * float(max(np.max(np.abs(low)), np.max(np.abs(high))))
-    keep = (j - i <= 3) | _meet(low - hair, high + hair, i, j)
+    margin = 0.5 * reach_m + _MARGIN * float(max(np.max(np.abs(low)), np.max(np.abs(high))))
+    keep = (j - i <= 3) | _meet(low - margin, high + margin, i, j)
     return i[keep], j[keep]
 
 

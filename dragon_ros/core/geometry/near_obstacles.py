@@ -26,7 +26,7 @@ from dragon_ros.core.geometry.venue import Surroundings
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 
 _SKIN = 0.3             # margin of lists, relative to the mean bench length; long lists last longer, but take more time
-_HAIR = 2.0**-40        # tolerance for rounding errors of gaps and displacements, relative to coordinates and sizes
+_MARGIN = 2.0**-40        # tolerance for rounding errors of gaps and displacements, relative to coordinates and sizes
 _FEW = 8                # up to this many pairs are computed one by one; more pairs are computed as arrays
 
 
@@ -118,8 +118,8 @@ class NearObstacles:
         least_m = found.clearance_m
         if kept and kept.nearest:
             least_m = min(least_m, gap_of(benches, *kept.nearest, self.around.edges))
-        hair_m = _HAIR * (self.around.far_m + float(np.max(np.abs(benches.centre))))
-        return max(least_m, TOUCH_M) + hair_m
+        margin_m = _MARGIN * (self.around.far_m + float(np.max(np.abs(benches.centre))))
+        return max(least_m, TOUCH_M) + margin_m
 
     def _listed(self, benches: Benches, limit_m: float) -> _Kept:
         """Return the state after a search from scratch."""

@@ -25,7 +25,7 @@ the farthest-moving point. Therefore:
 
 The current gap of the closest pair of the previous sample is an upper bound on the clearance. Gaps are computed only
 for pairs that these bounds do not exclude; these include the closest pair and all touching pairs. To allow for
-rounding, a bound is lowered by ``_HAIR`` times coordinates and sizes, which is 64 times the error of a gap
+rounding, a bound is lowered by ``_MARGIN`` times coordinates and sizes, which is 64 times the error of a gap
 (``rounding_m``).
 """
 from collections.abc import Sequence
@@ -44,7 +44,7 @@ from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 
 TOUCH_M = 1e-10         # a smaller gap counts as contact; positions are accurate to 2e-12 m
 _SKIN = 0.45            # margin of lists, relative to the mean half length; longer lists last longer but take more time
-_HAIR = 2.0**-40        # tolerance for rounding, relative to coordinates and sizes
+_MARGIN = 2.0**-40        # tolerance for rounding, relative to coordinates and sizes
 _MOST_EACH = 32         # maximum number of listed pairs per bench; with more, each sample is searched from scratch
 _FEW = 8                # up to this many pairs are computed one by one; more pairs are computed as arrays
 _FIRST_PART = 512       # number of benches in the innermost part; each further part extends twice as far
@@ -372,7 +372,7 @@ class NearPairs:
         """Return the result for a sample, computed from the previous state, or None if that state is of no use."""
         above_m = gap_of(benches, *kept.closest)
         size_m = sqrt(np.vdot(bodies.centre, bodies.centre).real)   # one call yields an upper bound on all coordinates
-        limit_m = max(above_m, TOUCH_M) + _HAIR * (size_m + kept.skin_m)
+        limit_m = max(above_m, TOUCH_M) + _MARGIN * (size_m + kept.skin_m)
         if not (above_m <= max(kept.clearance_m, 0.0) + kept.skin_m and kept.across_m(bodies) > limit_m):
             return None
         parts, pairs = list[_NearList](), {kept.closest}

@@ -75,8 +75,8 @@ class Surroundings:
     @cached_property
     def axis(self) -> Complexes:
         """The directions of the edges (E,)."""
-        way = self.stop - self.start
-        return _kept(way / np.abs(way))
+        edge = self.stop - self.start
+        return _kept(edge / np.abs(edge))
 
     @cached_property
     def edges(self) -> Benches:

@@ -373,8 +373,8 @@ class HandleRanges:
         """Return a time at which a handle is at a given distance along the track."""
         gone = self._leader_m(handle, along_m)
         pairs = zip(pairwise(self._times_s), pairwise(one for one, _ in self._gone_m), strict=True)
-        times, ways = min(pairs, key=lambda pair: max(min(pair[1]) - gone, gone - max(pair[1])))
-        low, high = (way - gone for way in ways)
+        times, ends_m = min(pairs, key=lambda pair: max(min(pair[1]) - gone, gone - max(pair[1])))
+        low, high = (end_m - gone for end_m in ends_m)
         if low * high >= 0:
             return times[0] if abs(low) <= abs(high) else times[1]
         return illinois(lambda t_s: float(self.scene.head.travelled_m(t_s)[0]) - gone, *times, low, high)

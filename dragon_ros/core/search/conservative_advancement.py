@@ -184,11 +184,11 @@ class ChainIntervals:
     def _moved(self, a: ChainSamples, b: ChainSamples) -> Floats:
         """Return bounds (M, N) on the distance that any point of each bench moves between samples (lemmas 3 and 4)."""
         domain = self._domain
-        way_m = np.abs(b.along_m - a.along_m) + 2 * domain.error_m
+        moved_m = np.abs(b.along_m - a.along_m) + 2 * domain.error_m
         bend = largest_curvatures(a, b, domain.track.bends)
         swing = swing_rad(bend * (1 + bend * domain.error_m), domain.dragon.link_lengths_m,
-                          way_m[:, :-1] + way_m[:, 1:])
-        return ABOVE * (np.maximum(way_m[:, :-1], way_m[:, 1:]) + self._overhang_m * swing)
+                          moved_m[:, :-1] + moved_m[:, 1:])
+        return ABOVE * (np.maximum(moved_m[:, :-1], moved_m[:, 1:]) + self._overhang_m * swing)
 
     def judge(self, a: ChainSamples, b: ChainSamples, group: Ints) -> Judgement:
         """Bound the gaps on each interval, and choose the number of its parts from its room.

@@ -126,11 +126,11 @@ class _Speeding(InOrder):
     def judge(self, boxes: Boxes) -> Boxes:
         """Bound intervals, record the bounds of those that contain no faster handle, and cut the others."""
         intervals = np.stack((boxes.low[0], boxes.high[0]))
-        tops, sure, *ways = np.concatenate([self._bounds(part) for part in np.array_split(
+        tops, sure, *ends_m = np.concatenate([self._bounds(part) for part in np.array_split(
             intervals, ceil(boxes.size / _AT_ONCE), axis=1)], axis=1)
         more = tops - self._best[0]
         near = _SAME * max(1.0, (np.count_nonzero(more > _SAME) / _AT_ONCE)**2)
-        higher = (more > near) & divisible(*intervals) & divisible(*ways)
+        higher = (more > near) & divisible(*intervals) & divisible(*ends_m)
         self._bound = max(self._bound, float(np.max(sure[~higher], initial=-inf)))
         return boxes.some(higher).cut(_PARTS)
 
@@ -143,8 +143,8 @@ class _Speeding(InOrder):
         if isfinite(self._sure_m):
             cuts.append(self._sure_m - _APART_M - self._leader.start_m)
         parts, count = list[tuple[float, float, int]](), 0
-        for pair, ways in zip(pairwise(times), pairwise(gone), strict=True):
-            inner = sorted(self._when_s(cut, *pair) for cut in cuts if min(ways) < cut < max(ways))
+        for pair, ends_m in zip(pairwise(times), pairwise(gone), strict=True):
+            inner = sorted(self._when_s(cut, *pair) for cut in cuts if min(ends_m) < cut < max(ends_m))
             for low_s, high_s in pairwise([pair[0], *inner, pair[1]]):
                 part = self._count(low_s, high_s)
                 parts.append((low_s, high_s, part))
@@ -297,12 +297,12 @@ class SpeedStates:
 
     ``log`` (M, K+1) holds the logs of speeds relative to the leader's speed, ``size_m`` (K+1,) the largest distances of
     the handles from the origin, and ``bends`` the smallest and largest curvatures over two segments of the track and
-    all segments between them. ``way`` is -1 if the head leads and 1 if the tail leads.
+    all segments between them. ``direction`` is -1 if the head leads and 1 if the tail leads.
     """
 
     links_m: Floats
     bends: tuple[Floats, Floats]
-    way: int
+    direction: int
     gone_m: Floats
     log: Floats
     links: LinkStates
@@ -313,7 +313,7 @@ class SpeedStates:
         return replace(self, gone_m=self.gone_m[index], log=self.log[index], links=self.links.rows(index))
 
 
-def states_of(chains: Chain, gone_m: Floats, way: int) -> SpeedStates:
+def states_of(chains: Chain, gone_m: Floats, direction: int) -> SpeedStates:
     """Return the states of M chains whose leaders have travelled the distances ``gone_m``."""
     track, segment, u = chains.track, chains.segment, chains.u
     axis = RigidLinks(chains.p, chains.links_m, chains.headings, chains.leader).axis
@@ -321,16 +321,16 @@ def states_of(chains: Chain, gone_m: Floats, way: int) -> SpeedStates:
                         chains.leader)
     with np.errstate(divide='ignore'):      # a handle is at rest when it turns back
         log = np.cumsum(np.log(np.abs(np.cos(links.near))) - np.log(np.abs(np.cos(links.far))), axis=1)
-    order = slice(None, None, -way)
-    return SpeedStates(chains.links_m[order], track.bends, way, gone_m, np.insert(log, 0, 0.0, axis=1), links,
+    order = slice(None, None, -direction)
+    return SpeedStates(chains.links_m[order], track.bends, direction, gone_m, np.insert(log, 0, 0.0, axis=1), links,
                        np.max(np.hypot(chains.p[..., 0], chains.p[..., 1]), axis=0)[order])
 
 
 def bounds(a: SpeedStates, b: SpeedStates, law: LawBetween) -> Floats:
     """Return upper bounds (M, K+1) on the logs of speeds between states a and b; the leader is further along in b."""
     with np.errstate(all='ignore'):
-        r, v_rate = speeds_enclosed(a.links, b.links, a.links_m, a.bends, -a.way)
-        slope = -a.way * v_rate + Ball(law.slope.mid[:, None], law.slope.rad[:, None])
+        r, v_rate = speeds_enclosed(a.links, b.links, a.links_m, a.bends, -a.direction)
+        slope = -a.direction * v_rate + Ball(law.slope.mid[:, None], law.slope.rad[:, None])
         low, high = slope.mid - slope.rad, slope.mid + slope.rad
         start, stop, step = a.log + law.start[:, None], b.log + law.stop[:, None], (b.gone_m - a.gone_m)[:, None]
         meet = start + high * (stop - start - low * step) / (high - low)

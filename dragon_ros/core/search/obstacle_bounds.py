@@ -46,21 +46,21 @@ class ObstacleBounds:
         centre, axis = self._seats(corners_of(states))
         return self.around.gaps_of(centre, axis, self.half_m, edge)
 
-    def ways(self, a: BenchStates, b: BenchStates) -> Floats:
+    def motions_m(self, a: BenchStates, b: BenchStates) -> Floats:
         """Return upper bounds (M, 4) on the motion of the corners between states; infinite if unknown."""
-        ways: Floats = self.bench.slopes(a, b)[1][..., 0]
-        return ways
+        out: Floats = self.bench.slopes(a, b)[1][..., 0]
+        return out
 
     def bounds(self, a: BenchStates, b: BenchStates, gaps: tuple[Floats, Floats], edge: Ints) -> Floats:
         """Return lower bounds on the gaps to edges between states a and b, given the gaps at both states."""
         slope, crude = self.bench.slopes(a, b)
         corners = corners_of(a), corners_of(b)
         with np.errstate(all='ignore'):
-            way, h = crude[..., 0], np.abs(b.link.along_m - a.link.along_m)[:, :1]
-            low = 0.5 * (gaps[0] + gaps[1] - np.max(way, axis=1))
+            moved_m, h = crude[..., 0], np.abs(b.link.along_m - a.link.along_m)[:, :1]
+            low = 0.5 * (gaps[0] + gaps[1] - np.max(moved_m, axis=1))
             for one, gap_m in zip(corners, gaps, strict=True):
                 d = self._directions(one, gap_m, edge)
-                least = np.min(least_along(d, corners, slope, self._unsure, h, way), axis=1)
+                least = np.min(least_along(d, corners, slope, self._unsure, h, moved_m), axis=1)
                 beyond = [(np.conj(d) * end[edge]).real for end in (self.around.start, self.around.stop)]
                 low = np.fmax(low, least - np.maximum(*beyond))
             low -= self.rounding_m(edge)
@@ -106,35 +106,35 @@ class ObstacleBounds:
             z = (end[edge] - centre) * np.conj(axis)
             inside = np.clip(z.real, -half[0], half[0]) + 1j * np.clip(z.imag, -half[1], half[1])
             to_ends.append((inside - z) * axis)
-        ways = np.concatenate((to_edge, np.stack(to_ends, axis=1)), axis=1)
-        size = np.abs(ways)
+        vectors = np.concatenate((to_edge, np.stack(to_ends, axis=1)), axis=1)
+        size = np.abs(vectors)
         nearest = np.argmin(size, axis=1)[:, None]
-        out: Complexes = (np.take_along_axis(ways, nearest, 1) / np.take_along_axis(size, nearest, 1))[:, 0]
+        out: Complexes = (np.take_along_axis(vectors, nearest, 1) / np.take_along_axis(size, nearest, 1))[:, 0]
         return out
 
     def _along_axes(self, corners: Complexes, edge: Ints) -> Complexes:
         """For each pair, return the bench or edge axis along which the two are furthest apart or overlap least."""
         around, (_, axis) = self.around, self._seats(corners)
         across = 1j * around.axis[edge]
-        ways = np.stack((across, -across, axis, -axis, 1j * axis, -1j * axis))
-        ways /= np.abs(ways)
-        beyond = [(np.conj(ways) * end[edge]).real for end in (around.start, around.stop)]
-        apart = np.min((np.conj(ways)[..., None] * corners).real, axis=-1) - np.maximum(*beyond)
-        out: Complexes = ways[np.argmax(apart, axis=0), np.arange(edge.size)]
+        axes = np.stack((across, -across, axis, -axis, 1j * axis, -1j * axis))
+        axes /= np.abs(axes)
+        beyond = [(np.conj(axes) * end[edge]).real for end in (around.start, around.stop)]
+        apart = np.min((np.conj(axes)[..., None] * corners).real, axis=-1) - np.maximum(*beyond)
+        out: Complexes = axes[np.argmax(apart, axis=0), np.arange(edge.size)]
         return out
 
 
 def least_along(d: Complexes, ends: tuple[Complexes, Complexes], slope: Ball, unsure: float, h: Floats,
-                way_m: Floats) -> Floats:
+                moved_m: Floats) -> Floats:
     """Return the smallest coordinates (m) along directions d (M,) that corners (M, 4) may have between two states.
 
     ``slope`` (M, 4, 3) holds the derivatives of the corners' coordinates with respect to a variable that grows by ``h``
     (M, 1): the derivative of x first and that of y last, with errors of up to ``unsure``. The corners move by at most
-    ``way_m`` (M, 4).
+    ``moved_m`` (M, 4).
     """
     back, middle = np.conj(d)[:, None], slope.mid[..., 0] + 1j * slope.mid[..., 2]
     rad = slope.rad[..., 0] + slope.rad[..., 2] + unsure
-    goes = np.fmin(way_m, (np.abs((back * middle).real) + rad) * h)
+    goes = np.fmin(moved_m, (np.abs((back * middle).real) + rad) * h)
     out: Floats = 0.5 * ((back * (ends[0] + ends[1])).real - goes)
     return out
 

@@ -63,12 +63,12 @@ class _SweptIntervals:
     def judge(self, a: _Samples, b: _Samples, group: Ints) -> Judgement:
         """Bound the gaps of benches to edges; edges that stay further away than ``_FAR`` are not examined."""
         far_m, bounds = _FAR * self._longest_m + 2 * self.tolerance_m, self._bounds
-        way_m = np.max(bounds.ways(a.states, b.states), axis=1)
-        short = np.flatnonzero(way_m <= _LONG * self._longest_m)
-        bound_m = np.where(way_m <= _LONG * self._longest_m, far_m, -np.inf)
+        moved_m = np.max(bounds.motions_m(a.states, b.states), axis=1)
+        short = np.flatnonzero(moved_m <= _LONG * self._longest_m)
+        bound_m = np.where(moved_m <= _LONG * self._longest_m, far_m, -np.inf)
         touching = np.zeros((2, group.size), dtype=bool)
         if short.size:
-            row, edge = self._near(a.states.rows(short), b.states.rows(short), 0.5 * way_m[short] + far_m)
+            row, edge = self._near(a.states.rows(short), b.states.rows(short), 0.5 * moved_m[short] + far_m)
             row = short[row]
             ends = a.states.rows(row), b.states.rows(row)
             gaps = bounds.gaps(ends[0], edge), bounds.gaps(ends[1], edge)

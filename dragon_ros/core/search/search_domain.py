@@ -102,12 +102,12 @@ class RangeOfTravel:
 
     def passages_s(self, places_m: Sequence[float]) -> list[list[float]]:
         """Return, for each position, the times at which the leader passes it, except where the leader may reverse."""
-        ways = [(before, after, self.gone_m(before), self.gone_m(after)) for before, after in pairwise(self._times)]
-        return [[self._passage_s(place, way) for way in ways if min(way[2:]) <= place <= max(way[2:]) and
-                 way[2] != place != way[3]] for place in places_m]
+        legs = [(before, after, self.gone_m(before), self.gone_m(after)) for before, after in pairwise(self._times)]
+        return [[self._passage_s(place, leg) for leg in legs if min(leg[2:]) <= place <= max(leg[2:]) and
+                 leg[2] != place != leg[3]] for place in places_m]
 
-    def _passage_s(self, gone_m: float, way: tuple[float, float, float, float]) -> float:
-        before, after, one, two = way
+    def _passage_s(self, gone_m: float, leg: tuple[float, float, float, float]) -> float:
+        before, after, one, two = leg
         return illinois(lambda t_s: self.gone_m(t_s) - gone_m, before, after, one - gone_m, two - gone_m)
 
     def arrival_s(self, gone_m: float, sense: int) -> float:

@@ -146,7 +146,7 @@ class _Nearing(InOrder):
         index = index.reshape(ends.shape)
         states = self._bounds.bench.states(places)
         middle = np.mean(corners_of(states), axis=1)
-        way = np.max(self._bounds.ways(states.rows(index[0]), states.rows(index[1])), axis=1)
+        moved_m = np.max(self._bounds.motions_m(states.rows(index[0]), states.rows(index[1])), axis=1)
         arm = float(np.hypot(*self._bounds.half_m))
         count, owner = boxes.size, self._around.owner
         every = max(1, _PAIRS_AT_ONCE // owner.size)
@@ -158,7 +158,7 @@ class _Nearing(InOrder):
             away, at = self._away(middle[used]), at.reshape(pairs.shape)
             least = np.min(np.minimum.reduceat(away, firsts, axis=1), axis=0)
             nearest[owner[firsts]] = np.minimum(nearest[owner[firsts]], least)
-            low = 0.5 * (away[at[0]] + away[at[1]] - way[rows, None]) - arm
+            low = 0.5 * (away[at[0]] + away[at[1]] - moved_m[rows, None]) - arm
             row, edge = np.nonzero(low <= nearest[owner])       # edges that may be the nearest
             kept.append((rows[row], edge, low[row, edge]))
         cells = list[_EdgeIntervals]()

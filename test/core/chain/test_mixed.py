@@ -110,7 +110,7 @@ def holds(theta, chords):
 
 @examples(60)
 @given(st.lists(st.one_of(st.floats(0.01, 20), st.floats(5, 60)), min_size=1, max_size=10))
-def test_a_chain_holds_above_its_lock_and_not_a_hair_below(chords):
+def test_a_chain_holds_above_its_lock_and_not_just_below(chords):
     angle, link = head_lock_angle(chords)
     above = np.linspace(angle * (1 + 1e-9) + 1e-9, max(chords) + 5, 200)
     assert all(holds(theta, chords) for theta in above.tolist())

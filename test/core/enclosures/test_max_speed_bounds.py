@@ -46,10 +46,10 @@ def logs_between(leader, low_m, high_m):
     return states(leader, places.ravel()).log.reshape(*places.shape, -1)
 
 
-@pytest.mark.parametrize(('track', 'start_m', 'way'), TRACKS)
+@pytest.mark.parametrize(('track', 'start_m', 'direction'), TRACKS)
 @pytest.mark.parametrize('apart_m', thinned([0.3, 0.01], lambda apart_m: apart_m == 0.3))
-def test_no_handle_is_faster_between_two_states_than_its_bound(track, start_m, way, apart_m):
-    leader = Leader(track, LINKS, start_m, way)
+def test_no_handle_is_faster_between_two_states_than_its_bound(track, start_m, direction, apart_m):
+    leader = Leader(track, LINKS, start_m, direction)
     low = np.random.default_rng(3).uniform(0, 45, 25)
     assert np.all(logs_between(leader, low, low + apart_m) <= tops(leader, low, low + apart_m) + 1e-14)
 
@@ -98,11 +98,11 @@ def test_no_handle_turns_back_behind_a_tail_or_on_a_composite_track():
     assert not Leader(track_of(STurn()), LINKS, 40.0, AHEAD).turning_m(0.0, 40.0)
 
 
-@pytest.mark.parametrize(('track', 'start_m', 'way'), TRACKS)
-def test_the_logs_are_those_of_the_speeds(track, start_m, way):
-    leader = Leader(track, LINKS, start_m, way)
+@pytest.mark.parametrize(('track', 'start_m', 'direction'), TRACKS)
+def test_the_logs_are_those_of_the_speeds(track, start_m, direction):
+    leader = Leader(track, LINKS, start_m, direction)
     v = chain_at(leader, 20.0).velocities(1.0)
-    speed = np.hypot(v[:, 0], v[:, 1])[::-way]
+    speed = np.hypot(v[:, 0], v[:, 1])[::-direction]
     assert states(leader, np.array([20.0])).log[0] == pytest.approx(np.log(speed), abs=1e-13)
 
 

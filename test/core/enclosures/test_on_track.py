@@ -52,14 +52,14 @@ def holds(ball, values, off):
 @pytest.mark.parametrize('name', TRACKS)
 @pytest.mark.parametrize('apart_m', [0.4, 0.05])
 def test_every_mean_rate_in_between_is_in_the_enclosure_of_the_rate(name, apart_m):
-    track, start_m, way = TRACKS[name]
-    leader = Leader(track, LINKS, start_m, way)
+    track, start_m, direction = TRACKS[name]
+    leader = Leader(track, LINKS, start_m, direction)
     low = np.random.default_rng(8).uniform(0, 30, 30)
     places = np.linspace(low, low + apart_m, COUNT)
     chain, states, along_m = sampled(leader, places.ravel())
     first, last = np.arange(30), np.arange(30) + 30 * (COUNT - 1)
     moving = kinematics(states.rows(first), states.rows(last), LINKS, track.bends, chain.leader, 2e-12)
-    step, sign = apart_m / (COUNT - 1), 1.0 if way == BEHIND else -1.0      # derivatives change sign if the tail leads
+    step, sign = apart_m / (COUNT - 1), 1.0 if direction == BEHIND else -1.0    # derivatives change sign behind a tail
     axis = axes_of(chain)
     yaw = np.unwrap(np.arctan2(axis[..., 1], axis[..., 0]).reshape(COUNT, 30, -1), axis=0)
     speed = np.abs(np.diff(along_m.reshape(COUNT, 30, -1), axis=0)) / step
@@ -74,8 +74,8 @@ def test_every_mean_rate_in_between_is_in_the_enclosure_of_the_rate(name, apart_
 @pytest.mark.parametrize(('name', 'v', 'w', 'a', 'w_rate'), [('turn', 1.1, 1.1, 1.6, 1.9),
                                                              ('turn back', 1.1, 1.1, 1.2, 1.25)])
 def test_on_a_short_way_a_tenth_of_the_enclosures_are_within_a_stated_factor_of_what_occurs(name, v, w, a, w_rate):
-    track, start_m, way = TRACKS[name]
-    leader, apart_m = Leader(track, LINKS, start_m, way), 0.005
+    track, start_m, direction = TRACKS[name]
+    leader, apart_m = Leader(track, LINKS, start_m, direction), 0.005
     low = np.random.default_rng(8).uniform(0, 30, 60)
     chain, states, along_m = sampled(leader, np.linspace(low, low + apart_m, COUNT).ravel())
     first, last = np.arange(60), np.arange(60) + 60 * (COUNT - 1)
@@ -150,10 +150,10 @@ def test_angles_stay_in_their_enclosures_where_a_handle_passes_a_joint_half_way(
         assert holds(cos, np.cos(seen), 1e-11)
 
 
-@pytest.mark.parametrize(('way_m', 'most_rad'), [(0.1, 0.1 / 4), (0.3, 0.3 / 4), (3.0, 2 * np.arcsin(1.65 / 8))])
-def test_before_any_pass_an_angle_is_known_to_what_link_and_track_turn_and_to_schurs_bound(way_m, most_rad):
+@pytest.mark.parametrize(('travel_m', 'most_rad'), [(0.1, 0.1 / 4), (0.3, 0.3 / 4), (3.0, 2 * np.arcsin(1.65 / 8))])
+def test_before_any_pass_an_angle_is_known_to_what_link_and_track_turn_and_to_schurs_bound(travel_m, most_rad):
     leader = Leader(track_of(Composite((Arc(4.0, 700.0),))), np.array([1.65, 1.65]), 20.0, BEHIND)
-    _, states, _ = sampled(leader, np.array([0.0, way_m]), leader.links_m)
+    _, states, _ = sampled(leader, np.array([0.0, travel_m]), leader.links_m)
     moving = enclosed(states.rows([0]), states.rows([1]), leader.links_m, leader.track.bends, passes=0)
     for sin, cos in (moving.near, moving.far):      # a ball of angles around asin(l / 2 R) with this radius
         assert sin.rad == pytest.approx(np.cos(np.arcsin(1.65 / 8)) * most_rad + most_rad**2 / 2, rel=1e-3)
@@ -178,8 +178,8 @@ def test_curvatures_between_places_are_those_at_them_on_one_segment_and_of_all_s
 
 def test_schurs_bound_says_nothing_of_a_link_that_is_longer_than_the_tightest_circle_is_wide():
     along_m, bend = np.array([[8.0, 6.0]]), np.array([[2.0, 2.0]])
-    ends = [LinkStates(along_m + way, np.zeros((1, 2), dtype=np.int64), bend, np.array([[0.1]]), np.array([[-0.1]]))
-            for way in (0.0, 5.0)]
+    ends = [LinkStates(along_m + moved_m, np.zeros((1, 2), dtype=np.int64), bend, np.array([[0.1]]), np.array([[-0.1]]))
+            for moved_m in (0.0, 5.0)]
     moving = enclosed(*ends, np.array([1.65]), (np.array([[2.0]]), np.array([[2.0]])), passes=0)
     for ball in (*moving.near, *moving.far):    # the track turns by 10 rad, and the link by at most 6 rad
         assert ball.rad[0, 0] > 0.5 * 8.0**2
@@ -187,13 +187,13 @@ def test_schurs_bound_says_nothing_of_a_link_that_is_longer_than_the_tightest_ci
 
 @pytest.mark.parametrize('name', TRACKS)
 def test_ratios_of_speeds_that_are_enclosed_only_where_they_change_are_within_those_of_all_links(name):
-    track, start_m, way = TRACKS[name]
+    track, start_m, direction = TRACKS[name]
     low = np.random.default_rng(8).uniform(0, 30, 30)
-    _, states, _ = sampled(Leader(track, LINKS, start_m, way), np.concatenate((low, low + 0.2)))
-    links = LINKS[::-way]
+    _, states, _ = sampled(Leader(track, LINKS, start_m, direction), np.concatenate((low, low + 0.2)))
+    links = LINKS[::-direction]
     one, two = states.rows(np.arange(30)), states.rows(np.arange(30, 60))
-    r, v_rate = speeds_enclosed(one, two, links, track.bends, float(-way))
-    every = enclosed(one, two, links, track.bends, float(-way))
+    r, v_rate = speeds_enclosed(one, two, links, track.bends, float(-direction))
+    every = enclosed(one, two, links, track.bends, float(-direction))
     for some, whole in ((r, every.r), (v_rate, speeds_along(every.r, every.g)[1])):
         known = np.isfinite(whole.rad)
         assert np.all((np.abs(some.mid - whole.mid) <= whole.rad)[known])
@@ -226,9 +226,9 @@ def test_a_middle_that_goes_half_round_a_bench_stays_in_its_enclosure_which_is_n
     assert far_m <= x.rad[0] <= 2 * far_m * (1 + 1e-9)
 
 
-@pytest.mark.parametrize('ways_m', [(1.0, 30.0), (30.0, 1.0)])
-def test_a_middle_is_no_further_off_than_told_at_either_state_and_nearly_so_far(ways_m):
+@pytest.mark.parametrize('far_m', [(1.0, 30.0), (30.0, 1.0)])
+def test_a_middle_is_no_further_off_than_told_at_either_state_and_nearly_so_far(far_m):
     turned, error_m = 1e-6, 1e-7
-    off_m = _off_m(*(seen_at(way_m * np.exp(0.3j)) for way_m in ways_m), np.array([turned]), error_m)[0]
-    most = max(abs(way_m * np.expm1(1j * turned)) + 2 * error_m for way_m in ways_m)     # the errors of both benches
+    off_m = _off_m(*(seen_at(one_m * np.exp(0.3j)) for one_m in far_m), np.array([turned]), error_m)[0]
+    most = max(abs(one_m * np.expm1(1j * turned)) + 2 * error_m for one_m in far_m)     # the errors of both
     assert most <= off_m <= 1.01 * most

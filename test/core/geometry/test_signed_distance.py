@@ -106,11 +106,11 @@ def test_gap_and_depth_agree_with_shapely(one, two, scale, far):
 
 @given(st.floats(-4, 4), st.floats(-4, 4), st.sampled_from(range(4)), st.floats(-0.99, 0.99), st.sampled_from(range(4)),
        st.sampled_from([-1e-9, -1e-12, 0.0, 1e-12, 1e-9]), st.floats(0.01, 0.99))
-def test_a_corner_a_hair_from_an_edge_has_that_gap_and_is_the_witness(yaw, turn, corner, along, edge, hair, lean):
+def test_a_corner_close_to_an_edge_has_that_gap_and_is_the_witness(yaw, turn, corner, along, edge, off, lean):
     plate = rectangles((0.3, -0.2, yaw, 2.2, 1.6))
     outward = np.array([(1, 0), (-1, 0), (0, 1), (0, -1)])[edge]
     half = np.array([1.1, 0.8])
-    touch = outward * half + along * half * (1 - np.abs(outward)) + hair * outward
+    touch = outward * half + along * half * (1 - np.abs(outward)) + off * outward
     # The second bench leans by 0.01 to 0.99 of a right angle, so that one of its corners is foremost.
     facing = (0, np.pi / 2, np.pi, -np.pi / 2)[corner]
     second_yaw = yaw + np.arctan2(-outward[1], -outward[0]) - lean * np.pi / 2 - facing
@@ -121,11 +121,11 @@ def test_a_corner_a_hair_from_an_edge_has_that_gap_and_is_the_witness(yaw, turn,
     both = rectangles((0.3, -0.2, yaw, 2.2, 1.6), (*offset, second_yaw, 3.0, 0.4))
     if abs(along) < 0.9:
         found = witness(both, 0, 1)
-        assert found.gap_m == pytest.approx(hair, abs=4e-15)
+        assert found.gap_m == pytest.approx(off, abs=4e-15)
         assert (found.owner, found.other) == (1, 0)
         assert found.corner == CORNERS[foremost]
         assert found.edge == ('front', 'rear', 'left', 'right')[edge]
-        middle = plate.centre[0] + (touch - 0.5 * hair * outward) @ world
+        middle = plate.centre[0] + (touch - 0.5 * off * outward) @ world
         assert found.point_m == pytest.approx(tuple(middle), abs=1e-14)
 
 

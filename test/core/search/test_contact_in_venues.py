@@ -181,13 +181,13 @@ def test_a_move_of_corners_of_up_to_six_benches_is_bounded_and_a_longer_one_is_c
     bounds = ObstacleBounds(SweptBench.of(domain.track, domain.dragon, 1), domain.around)
     space = _SweptIntervals(bounds, 1e-9, longest_m, lambda _: None)
 
-    def moved(way_m):
-        samples = space.sample(np.array([10.0, 10.0 + way_m]), np.zeros(2, dtype=np.int64))
+    def moved(travel_m):
+        samples = space.sample(np.array([10.0, 10.0 + travel_m]), np.zeros(2, dtype=np.int64))
         return [samples.rows(np.array([n])) for n in (0, 1)]
 
-    lever = float(np.max(bounds.ways(*(each.states for each in moved(1.0)))))
+    lever = float(np.max(bounds.motions_m(*(each.states for each in moved(1.0)))))
     a, b = moved(longest * longest_m / lever)
-    assert np.max(bounds.ways(a.states, b.states)) == pytest.approx(longest * longest_m)
+    assert np.max(bounds.motions_m(a.states, b.states)) == pytest.approx(longest * longest_m)
     assert bool(np.isfinite(space.judge(a, b, np.zeros(1, dtype=np.int64)).bound_m[0])) == is_bounded
 
 

@@ -78,11 +78,11 @@ def test_bounds_hold_between_the_ends_of_cells():
             assert np.all(bound <= least + 1e-11), name
 
 
-def least_of(d, start, stop, middle, radius, h, way_m=np.inf):
+def least_of(d, start, stop, middle, radius, h, moved_m=np.inf):
     """Return the bound for four corners with equal motion; ``middle`` and ``radius`` are complex (x as real part)."""
     slope = Ball(*(np.tile([one.real, 0.0, one.imag], (1, 4, 1)) for one in (complex(middle), complex(radius))))
     ends = np.full((1, 4), complex(start)), np.full((1, 4), complex(stop))
-    found = least_along(np.array([complex(d)]), ends, slope, 0.0, np.full((1, 1), h), np.full((1, 4), way_m))
+    found = least_along(np.array([complex(d)]), ends, slope, 0.0, np.full((1, 1), h), np.full((1, 4), moved_m))
     assert found.shape == (1, 4)
     return float(np.max(found))
 
@@ -107,9 +107,9 @@ def test_a_corner_whose_slopes_reach_the_corner_of_their_box_is_not_below_the_bo
 
 
 def test_a_corner_that_goes_out_and_back_is_at_its_least_coordinate():
-    d, start, way_m = np.exp(2j), 1.0 + 3.0j, 0.7
-    found = least_of(d, start, start, 9.0, 9.0 + 9.0j, 1.0, way_m)
-    assert found == pytest.approx((np.conj(d) * start).real - way_m / 2, abs=1e-12)
+    d, start, moved_m = np.exp(2j), 1.0 + 3.0j, 0.7
+    found = least_of(d, start, start, 9.0, 9.0 + 9.0j, 1.0, moved_m)
+    assert found == pytest.approx((np.conj(d) * start).real - moved_m / 2, abs=1e-12)
 
 
 def test_a_parallel_wall_takes_few_looks_and_its_gap_is_exact():

@@ -96,7 +96,7 @@ def test_nor_on_the_process():
 
 
 @pytest.mark.parametrize('scene', [TURNING, Scene()], ids=['turning', 'winding'])
-def test_many_instants_at_once_agree_with_each_to_a_hair(scene):
+def test_many_instants_at_once_agree_closely_with_each(scene):
     times = np.linspace(0, 190, 400).tolist()
     many = states(scene, times)
     for row, t_s in zip(many.p[::37], times[::37], strict=True):

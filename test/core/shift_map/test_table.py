@@ -448,7 +448,7 @@ def test_next_to_the_beginning_of_a_group_a_leader_is_in_one_group_and_chains_ar
 
 
 @pytest.mark.parametrize('name', thinned(STREETS, 'even links'.__eq__))
-def test_many_places_on_a_street_agree_with_each_to_a_hair(name):
+def test_many_places_on_a_street_agree_closely_with_each(name):
     _, place, _ = laid_out(STREETS[name])
     leaders = travelled(STREETS[name], np.linspace(0.5, 4.5, 25).tolist())
     chain = place.place_many(tuple(np.array(values) for values in zip(*((k, *u) for k, u in leaders), strict=True)))
