@@ -442,7 +442,8 @@ function describe() {
   const [first, last] = [run.times_s[0], run.times_s.at(-1)];
   document.title = `${run.name}: dragon_ros`;
   element('name').textContent = run.name;
-  element('facts').textContent = say('facts', {benches: run.benches, first: first.toFixed(2), last: last.toFixed(2)});
+  element('facts').textContent = say(run.benches === 1 ? 'facts_one' : 'facts',
+    {benches: run.benches, first: first.toFixed(2), last: last.toFixed(2)});
   element('note').textContent = run.note;
   element('speeds-title').textContent = say(run.speeds ? 'speeds' : 'no_speeds');
   element('gap-title').textContent = say(run.obstacles ? 'smallest_gap_obstacles' : 'smallest_gap');

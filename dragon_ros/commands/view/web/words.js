@@ -17,6 +17,7 @@ const WORDS = {
   clearance_mm: ['clearance (mm)', '间隙 (mm)'], handle_axis: ['handle (0 is the head)', '把手（0 为龙头前把手）'],
   speed_m_s: ['speed (m/s)', '速度 (m/s)'],
   facts: ['{benches} benches, {first} to {last} s', '{benches} 节板凳，{first} 至 {last} s'],
+  facts_one: ['one bench, {first} to {last} s', '一节板凳，{first} 至 {last} s'],
   touch: ['benches {first} and {second} touch at {t} s', '{t} s 时第 {first} 号与第 {second} 号板凳相碰'],
   touch_obstacle: ['bench {first} touches {obstacle} at {t} s', '{t} s 时第 {first} 号板凳碰到 {obstacle}'],
   late: [', after the end of the period shown', '（在所示时间之后）'], no_touch: ['no contact', '没有碰撞'],
