@@ -1,4 +1,6 @@
 """Style all figures and write them to files. Matplotlib is imported only when a figure is drawn."""
+import logging
+import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import pairwise
@@ -110,8 +112,10 @@ def spread(values: Sequence[float], least: float, end: float) -> list[float]:
 
 
 @contextmanager
-def style(chinese: bool = False, log_ticks: bool = False) -> Iterator[None]:
+def style(chinese: bool = False, log_ticks: bool = False, needed: bool = True) -> Iterator[None]:
     """Apply the style of dragon_ros to all figures drawn in this block; ``chinese`` adds a Chinese font.
+
+    If the font is not needed and not installed, each letter of it is drawn as a box, without a warning.
 
     Text between dollar signs, such as a name with two of them, is drawn as it is. With ``log_ticks``, it is parsed as a
     formula, as the labels of logarithmic axes require.
@@ -120,9 +124,24 @@ def style(chinese: bool = False, log_ticks: bool = False) -> Iterator[None]:
     """
     import matplotlib
     # PDF font type 42 does not support the OpenType fonts that most systems have.
-    more: dict[Any, Any] = {'font.family': ['DejaVu Sans', _chinese_font()], 'pdf.fonttype': 3} if chinese else {}
-    with matplotlib.rc_context({**_STYLE, **more, 'text.parse_math': log_ticks}):
+    more: dict[Any, Any] = {}
+    try:
+        more = {'font.family': ['DejaVu Sans', _chinese_font()], 'pdf.fonttype': 3} if chinese else {}
+    except MissingError:
+        if needed:
+            raise
+    with matplotlib.rc_context({**_STYLE, **more, 'text.parse_math': log_ticks}), warnings.catch_warnings():
+        if not needed:
+            warnings.filterwarnings('ignore', 'Glyph .* missing from font')
         yield
+
+
+def has_chinese_font() -> bool:
+    """Return whether a Chinese font is installed."""
+    try:
+        return bool(_chinese_font())
+    except MissingError:
+        return False
 
 
 def _chinese_font() -> str:
@@ -135,6 +154,7 @@ def _chinese_font() -> str:
     for stem in _CHINESE_FONTS:
         if stem in files:
             fontManager.addfont(files[stem])
+            logging.getLogger('matplotlib.font_manager').setLevel(logging.ERROR)    # it may have no bold letters
             return FontProperties(fname=files[stem]).get_name()
     raise MissingError('--lang zh: no Chinese font is installed; install one (apt install fonts-noto-cjk), or give '
                        '--lang en')

@@ -154,8 +154,9 @@ def add_drawing_options(options: ArgumentParser, scale: str = '--scale') -> None
 def plan(argv: list[str]) -> int:
     """Write the plan of a scene or of a drawing; return the exit code."""
     options = command_line.parser('plan', 'Draw a scene to scale for printing: track, swept area, gaps and times.\nA '
-                                  'GeoJSON file contains the swept area, the track and the gaps. Of a drawing, also '
-                                  'write a page to share\nand the scene, and say whether the dragon fits.',
+                                  'GeoJSON file contains the swept area, the track and the gaps; a CSV file, marks to '
+                                  'chalk on the\nground. Of a drawing, also write a page to share and the scene, and '
+                                  'say whether the dragon fits.',
                                   'plan way.gpx --obstacles town.osm --benches 60 --bench-length 2.1')
     options.add_argument('drawing', nargs='?', type=Path, metavar='DRAWING|SCENE.yaml', help='drawing or map with the '
                          'way of the head (as for route), or a scene')
@@ -164,12 +165,12 @@ def plan(argv: list[str]) -> int:
     options.add_argument('--bench-width', type=float, metavar='METRES', help='width of the benches (of a drawing)')
     add_drawing_options(options, '--way-scale')
     command_line.add_scene_options(options, None)
-    options.add_argument('--output', type=Path, metavar='PLAN.pdf|AREA.geojson', help='file to write (of a drawing: '
-                         'beside it; the page and the scene have the same name)')
+    options.add_argument('--output', type=Path, metavar='PLAN.pdf|AREA.geojson|MARKS.csv', help='file to write (of a '
+                         'drawing: beside it; the page and the scene have the same name)')
     options.add_argument('--scale', dest='plan_scale', metavar='1:N', help='scale of the plan, from 1:50 to 1:1000 '
-                         '(the largest scale that fits)')
-    options.add_argument('--paper', choices=('A4', 'A3'), help='paper size (A4 if the drawing fits, otherwise A3)')
-    options.add_argument('--format', choices=('pdf', 'geojson'), help='format (by the suffix of --output)')
+                         '(one page at 1:200 or larger if the way fits, otherwise an overview, and sheets at 1:200)')
+    options.add_argument('--paper', choices=('A4', 'A3'), help='paper size (A4, or A3 if that saves pages)')
+    options.add_argument('--format', choices=('pdf', 'geojson', 'csv'), help='format (by the suffix of --output)')
     add_lang_option(options, 'the PDF and of the printed gaps')
     options.add_argument('--title', metavar='TEXT', help='title of the plan (the name of the scene)')
     arguments = options.parse_args(argv)

@@ -12,7 +12,7 @@ from dragon_ros.core.checks import number
 from dragon_ros.core.errors import InputError
 
 if TYPE_CHECKING:
-    from dragon_ros.commands.plan import Plan
+    from dragon_ros.commands.plan_contents import Plan
 
 EXAMPLE = """draw the way of the head in Google Earth, or record it with a phone, and save it as way.gpx or way.kml
 save the town around it from openstreetmap.org (Export) as town.osm
@@ -24,7 +24,8 @@ _DOES_NOT_FIT = 1       # exit code
 
 def run(arguments: Namespace) -> int:
     """Write the plan, the page and the scene; print the answer; return the exit code."""
-    from dragon_ros.commands.plan import Plan, write_pdf
+    from dragon_ros.commands.plan_contents import Plan, chalk_marks
+    from dragon_ros.commands.plan_pages import write_pdf
     from dragon_ros.commands.route import write_scene
     drawing: Path = arguments.drawing
     pdf: Path = arguments.output or drawing.with_suffix('.pdf')
@@ -32,15 +33,17 @@ def run(arguments: Namespace) -> int:
         raise InputError(f'--output {pdf}: the plan of a drawing is a .pdf; for an area, give the scene '
                          'that is written')
     page, scene_path = pdf.with_suffix('.html'), pdf.with_suffix('.yaml')
-    for path in (pdf, page, scene_path):
+    marks = pdf.with_name(f'{pdf.stem}-marks.csv')
+    for path in (pdf, page, scene_path, marks):
         command_line.check_keeps('--output', path, drawing, arguments.obstacles)
     arguments.overrides = [*_dragon(arguments), *arguments.overrides]
     drawn = drawn_scene(arguments)
     write_scene(arguments, drawn, scene_path)
     plan = Plan(drawn.scene, figures.drawable(arguments.title or drawing.stem), language_of(arguments.lang))
     write_pdf(arguments, plan, pdf)
+    command_line.write_output(marks, chalk_marks(plan))
     _write_page(plan, page)
-    command_line.write_output(None, '\n'.join([*drawn.notes, answer(plan), str(pdf), str(page), str(scene_path)]))
+    command_line.write_output(None, '\n'.join([*drawn.notes, answer(plan), *map(str, (pdf, marks, page, scene_path))]))
     return _DOES_NOT_FIT if any(gap.is_broken for gap in plan.gaps) else command_line.OK
 
 
@@ -60,8 +63,7 @@ def answer(plan: 'Plan') -> str:
     """Return whether the dragon fits, and the closest obstacle, in a sentence."""
     if not plan.gaps:
         return say(WORDS, 'no_obstacles', plan.lang)
-    from dragon_ros.core.search.venue_fit import venue_fit
-    found = venue_fit(plan.scene)
+    found = plan.fit
     one = found.gaps[0]
     key = 'touches' if one.high_m <= 0 else 'fits_not' if plan.gaps[0].is_broken else 'fits'
     return say(WORDS, key, plan.lang, name=one.name, gap=max(one.high_m, 0.0),

@@ -12,3 +12,10 @@ def counted(count: int, noun: str, verb: str = '', *, form: str = 'd') -> str:
         noun += 'es' if noun.endswith('ch') else 's' if noun else ''
         verb = _PLURALS.get(verb, verb)
     return ' '.join(filter(None, (f'{count:{form}}', noun, verb)))
+
+
+def length(metres: float) -> str:
+    """Return a length as a tape measure shows it: in millimetres up to a metre, then in metres."""
+    if metres < 0.9995:
+        return f'{1000 * metres:.3g} mm' if metres < 0.01 else f'{1000 * metres:.0f} mm'
+    return f'{metres:.2f} m'

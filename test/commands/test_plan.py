@@ -1,15 +1,17 @@
 """``plan`` draws to scale; its swept area and gaps agree with an independent check at every millimetre."""
 import json
 import re
-from argparse import Namespace
+from itertools import pairwise
 
 import numpy as np
 import pytest
-from shapely import LineString, Polygon, box, distance, polygons, prepare, unary_union
+from matplotlib.text import Text
+from shapely import LineString, Polygon, box, distance, polygons, prepare
 from shapely.geometry import shape
 
 from dragon_ros.__main__ import main
-from dragon_ros.commands.plan import SCALES, Plan, _drawing, _pages, _said, _sheet, _windows, geojson, mark_offsets
+from dragon_ros.commands.plan_contents import Plan, chalk_marks, geojson
+from dragon_ros.commands.plan_pages import Sheet, drawing, pages, said, sheets
 from dragon_ros.core.batches import states
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.model import compile_scene
@@ -62,8 +64,8 @@ def test_gaps_are_those_of_the_search_with_their_ends_and_the_plan_says_so(scene
     for gap, one in zip(plan.gaps, venue_fit(scene).gaps, strict=True):
         assert (gap.name, gap.gap_m, gap.gap_m - gap.within_m) == (one.name, one.high_m, pytest.approx(one.low_m))
         assert np.hypot(*np.diff(gap.ends_m, axis=0)[0]) == pytest.approx(one.high_m, abs=1e-9)
-    proved, rest = _said(plan).split('Not proved')
-    assert 'each smallest gap is at most 0.001 mm below' in proved
+    proved, rest = said(plan).split('Not proved')
+    assert 'each smallest gap is proved: at most 1 mm below' in proved
     assert 'gap' not in rest
 
 
@@ -71,14 +73,13 @@ def test_a_scene_without_a_venue_has_a_plan_without_gaps(capsys, tmp_path):
     options = '--scene', 'street', '--set', 'dragon.benches=5', '--set', 'venue=null', '--set', 'run.stop_s=20'
     code, out, _ = run(capsys, *options, '--output', tmp_path / 'a.pdf')
     assert (code, out.splitlines()) == (0, [str(tmp_path / 'a.pdf')])
-    assert 'gap' not in _said(Plan(load_scene('street', ['venue=null', 'dragon.benches=5', 'run.stop_s=20']), 'x'))
+    assert 'gap' not in said(Plan(load_scene('street', ['venue=null', 'dragon.benches=5', 'run.stop_s=20']), 'x'))
 
 
 def test_a_dragon_that_stands_still_has_a_plan_of_its_benches():
     plan = Plan(load_scene('winding', ['dragon.benches=40', 'run.stop_s=0']), 'x')
-    total, pages = _pages(plan, *_sheet(Namespace(paper=None, plan_scale=None), plan))
-    drawn = [page.draw_without_rendering() for page in pages]
-    assert (len(drawn), total) == (2, 2)
+    drawn = [page.draw_without_rendering() for page in pages(plan, sheets(plan, None, None))]
+    assert len(drawn) == 2
     assert json.loads(geojson(plan))['features'][0]['geometry']['coordinates']
 
 
@@ -117,7 +118,7 @@ def test_a_pdf_is_to_scale_and_a_geojson_in_metres(capsys, tmp_path):
     data = pdf.read_bytes()
     sizes = re.findall(rb'/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]', data)
     assert [tuple(round(float(value) / 72 * 25.4) for value in size) for size in sizes] == [(297, 210)] * len(sizes)
-    assert len(sizes) > 2
+    assert len(sizes) >= 2
     code, out, _ = run(capsys, *options, '--output', area)
     assert (code, 'area.geojson: in metres' in out) == (0, True)
     assert json.loads(area.read_text())['units'] == 'm'
@@ -146,82 +147,91 @@ def test_a_geojson_of_a_scene_with_an_origin_is_in_degrees(capsys, tmp_path):
         assert np.array(features['track'].coords)[n] == pytest.approx((lon, lat), abs=1e-8)
 
 
-def test_a_broken_margin_is_said(capsys, tmp_path):
+def test_a_broken_margin_issaid(capsys, tmp_path):
     code, out, _ = run(capsys, '--scene', 'street', '--set', 'dragon.benches=2', '--set', 'venue.margin_m=1',
                        '--set', 'run.start_s=38', '--set', 'run.stop_s=45', '--output', tmp_path / 'a.geojson')
     assert code == 0
     assert re.search(r'lamp post: 0\.9\d\d m \(too small\)', out)
 
 
-def drawn_parts(plan, **options):
-    """Return the scale, and the shares of each page's width and height that the drawing takes."""
-    paper, scale, around = _sheet(Namespace(**{'paper': None, 'plan_scale': None, **options}), plan)
-    whole = plan.swept.whole.union(LineString(plan.line))
-    parts = []
-    for _, window in _windows(plan, paper, scale, around):
-        left, bottom, right, top = whole.intersection(box(*window.ravel())).bounds
-        parts.append(np.array((right - left, top - bottom)) / (window[1] - window[0]))
-    return scale, np.array(parts)
-
-
-def test_pages_are_filled_as_far_as_a_standard_scale_allows():
+@pytest.mark.parametrize('paper', ['A4', 'A3'])
+def test_the_whole_way_comes_first_and_then_sheets_of_the_places_that_are_tight(paper):
     plan = Plan(load_scene('street'), 'x')
-    scale, parts = drawn_parts(plan)
-    assert (scale, len(parts)) == (300, 2)      # at 1:250, the drawing takes three pages
-    assert np.all(parts[:, 0] > 0.75)
-    assert np.all(parts[:, 1] < 1)
-    for scale in SCALES[:SCALES.index(300)]:
-        assert len(drawn_parts(plan, plan_scale=f'1:{scale}')[1]) > 2
-
-
-def test_pages_without_any_part_of_the_dragon_are_left_out_and_pages_say_where_they_belong(plan):
-    paper, scale, around = _sheet(Namespace(paper='A4', plan_scale='1:100'), plan)
-    windows = _windows(plan, paper, scale, around)
+    overview, *others = sheets(plan, paper, None)
     whole = plan.swept.whole.union(LineString(plan.line))
-    assert all(whole.intersects(box(*window.ravel())) for _, window in windows)
-    assert unary_union([box(*window.ravel()) for _, window in windows]).buffer(1e-9).contains(whole)
-    rows, columns = np.array([place for place, _ in windows]).T
-    assert 1 < len(windows) < rows.max() * columns.max()
-    texts = [one.get_text() for one in next(_pages(plan, paper, scale, around)[1]).texts]
-    assert any('(row {}, column {})'.format(*windows[0][0]) in one for one in texts)
-    assert not any('(row' in one.get_text() for one in next(_pages(plan, 'A3', 1000, around)[1]).texts)
+    assert box(*overview.window.ravel()).contains(whole)
+    assert [one.number for one in others] == [*range(2, 2 + len(others))]
+    assert all(one.scale == 200 < overview.scale for one in others)
+    places = [gap.ends_m.mean(axis=0) for gap in plan.gaps if gap.is_tight]
+    assert places
+    for at in places:       # in the inner part of a sheet
+        assert any(np.all(np.abs(at - one.window.mean(axis=0)) <= 0.4 * np.ptp(one.window, axis=0)) for one in others)
+    drawn = list(pages(plan, [overview, *others]))
+    texts = [[one.get_text() for one in page.axes[0].texts] for page in drawn[:1 + len(others)]]
+    assert {'1', '2', '3'} <= set(texts[0])
+    assert any('sheet 2' in one for one in texts[0])
+    assert any(one.startswith('1  lamp post: 0.94 m') for page in texts[1:] for one in page)
+    assert any('lamp post: 0.94 m, 0:48 after the start, sheet' in one.get_text() for one in drawn[0].texts)
+
+
+def test_a_small_drawing_is_one_page_at_the_largest_scale(plan):
+    (small,) = sheets(Plan(load_scene('street', ['dragon.benches=2', 'run.stop_s=1']), 'x'), None, None)
+    assert small.scale < 200
+    (fixed,) = sheets(plan, 'A3', '1:1000')
+    assert (fixed.scale, fixed.paper) == (1000, 'A3')
+
+
+def test_labels_cover_neither_each_other_nor_arrows(plan):
+    for sheet in sheets(plan, 'A4', None)[1:]:
+        page = drawing(plan, sheet)
+        axes = page.axes[0]
+        page.draw_without_rendering()
+        boxes = [Text.get_window_extent(one) for one in axes.texts if one.get_text()]     # without lines to them
+        assert len(boxes) > 3
+        assert not [1 for n, one in enumerate(boxes) for other in boxes[:n] if one.overlaps(other)]
+        shown = [gap for gap in plan.tight if sheet.shows(gap.ends_m.mean(axis=0))]
+        for gap in shown:
+            line = LineString(axes.transData.transform(gap.ends_m))
+            assert not any(box(*one.extents).intersects(line) for one in boxes)
+
+
+def test_marks_to_chalk_lead_along_the_way_with_distance_bearing_and_time(plan):
+    rows = [row.split(',') for row in chalk_marks(plan).splitlines()]
+    head, rows = rows[0], rows[1:]
+    assert head == ['mark_m', 'head_min_s', 'to_next_m', 'bearing_deg', 'x_m', 'y_m']
+    assert [float(row[0]) for row in rows[:3]] == [5, 10, 15]
+    for row, after in pairwise(rows):
+        x, y, length_m, turn = float(row[4]), float(row[5]), float(row[2]), np.radians(float(row[3]))
+        assert (x + length_m * np.sin(turn), y + length_m * np.cos(turn)) == pytest.approx(
+            (float(after[4]), float(after[5])), abs=0.02)
+    times = {row[0]: row[1] for row in rows}
+    start = plan.scene.track.start_m
+    assert times['50'] == f'0:{round(50 - start):02d}'
+    assert rows[-1][2:4] == ['', '']
 
 
 def test_a_plan_can_be_read_without_its_colours():
     scene = load_scene('square', ['dragon.benches=5', 'venue.margin_m=1.2', 'run.start_s=50', 'run.stop_s=55'])
-    drawn = _drawing(Plan(scene, 'x'), 'A3', 500, np.array([[-60.0, -20.0], [80.0, 80.0]]), (1, 1)).axes[0]
+    drawn = drawing(Plan(scene, 'x'), Sheet('A3', 500, np.array([[-60.0, -20.0], [80.0, 80.0]]))).axes[0]
     hatches = {one.get_label(): one.get_hatch() for one in drawn.patches if one.get_label()}
     assert len({hatches[name] for name in ('obstacles', 'swept by the head', 'swept by the body')}) == 3
     styles = {one.get_label(): one.get_linestyle() for one in drawn.lines}
     assert styles['track'] != '-'
     assert [one.get_text() for one in drawn.texts if 'too small' in one.get_text()] == [
-        'market stall: 1.10 m (too small)']
+        '1  market stall: 1.10 m (too small)']
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [
-    (['--output', 'a.png'], 'the suffix must be .pdf or .geojson'),
+    (['--output', 'a.png'], 'the suffix must be .pdf, .geojson or .csv'),
     (['--output', 'a.geojson', '--format', 'pdf'], '--format: pdf conflicts with --output a.geojson; give only one'),
     (['--output', 'a.geojson', '--scale', '1:100'], '--scale: a plan in geojson does not accept it; omit it'),
     (['--output', 'a', '--format', 'geojson', '--title', 'x'], '--title: a plan in geojson does not accept it'),
-    (['--output', 'a.pdf', '--set', 'dragon.benches=5', '--scale', '1:20'], 'from 1:50 to 1:1000'),
-    (['--output', 'a.pdf', '--scale', '1:50', '--scene', 'street', '--set', 'track.pieces.5.length_m=600', '--set',
-      'dragon.benches=5'], 'the drawing takes at least 33 pages of A3, and the limit is 24; give a smaller scale\n')])
+    (['--output', 'a.pdf', '--set', 'dragon.benches=5', '--scale', '1:20'], 'from 1:50 to 1:1000')])
 def test_options_are_checked(capsys, tmp_path, monkeypatch, arguments, says):
     monkeypatch.chdir(tmp_path)
     code, _, err = run(capsys, *arguments)
     assert code == 2
     assert says in err
-
-
-def test_the_distances_of_marks_that_come_together_do_not_stand_on_each_other():
-    """The labels of two marks close to each other are on different sides; a single mark has its label on the left."""
-    places = np.array([(0.0, 0.0), (100.0, 50.0), (100.0, 54.0)])
-    labels = ['10', '70', '150']
-    found = mark_offsets(places, np.array([(1.0, 0.0)] * 3), labels)
-    spots = places + found
-    assert found[0] == pytest.approx((0.0, 9.0))
-    assert np.abs(spots[1] - spots[2]).max() > 8
-    assert all(np.abs(spot - place).max() > 4 for spot in spots for place in places)
 
 
 def test_a_drawing_and_a_town_give_an_answer_a_plan_a_page_and_a_scene(capsys, tmp_path):
@@ -235,7 +245,8 @@ def test_a_drawing_and_a_town_give_an_answer_a_plan_a_page_and_a_scene(capsys, t
     code, out, err = run(capsys, *options)
     assert code == 0, err
     assert re.search(r'^It fits; closest: kiosk, 1\.8\d m, \d+ s after the start$', out, re.MULTILINE)
-    assert {one.name for one in tmp_path.iterdir()} == {'way.gpx', 'town.geojson', 'way.pdf', 'way.html', 'way.yaml'}
+    assert {one.name for one in tmp_path.iterdir()} == {
+        'way.gpx', 'town.geojson', 'way.pdf', 'way.html', 'way.yaml', 'way-marks.csv'}
     assert load_scene(str(tmp_path / 'way.yaml')).dragon.benches == 5
     code, out, _ = run(capsys, *options, '--set', 'venue.margin_m=3')
     assert (code, 'It does not fit; too close: kiosk, 1.8' in out) == (1, True)
