@@ -158,8 +158,8 @@ def plan(argv: list[str]) -> int:
                                   'chalk on the\nground. Of a drawing, also write a page to share and the scene, and '
                                   'say whether the dragon fits.',
                                   'plan way.gpx --obstacles town.osm --benches 60 --bench-length 2.1')
-    options.add_argument('drawing', nargs='?', type=Path, metavar='DRAWING|SCENE.yaml', help='drawing or map with the '
-                         'way of the head (as for route), or a scene')
+    options.add_argument('drawings', nargs='*', type=Path, metavar='DRAWING|SCENE.yaml', help='drawing or map with '
+                         'the way of the head (as for route), or a scene, or several scenes of one place')
     options.add_argument('--benches', type=int, metavar='N', help='number of benches (of a drawing)')
     options.add_argument('--bench-length', type=float, metavar='METRES', help='length of the benches (of a drawing)')
     options.add_argument('--bench-width', type=float, metavar='METRES', help='width of the benches (of a drawing)')
@@ -178,13 +178,19 @@ def plan(argv: list[str]) -> int:
         from dragon_ros.commands.plan_drawing import EXAMPLE
         print(EXAMPLE.format(program=command_line.program()))
         return command_line.OK
-    is_scene = arguments.drawing is None or arguments.drawing.suffix.lower() in ('.yaml', '.yml')
-    if is_scene:
-        if arguments.drawing is not None and arguments.scene is not None:
-            options.error('give either SCENE.yaml or --scene')
+    files: list[Path] = arguments.drawings
+    arguments.drawing = files[0] if files else None
+    is_scene = [file.suffix.lower() in ('.yaml', '.yml') for file in files]
+    if files and arguments.scene is not None and any(is_scene):
+        options.error('give either SCENE.yaml or --scene')
+    if len(files) > 1 and not all(is_scene):
+        options.error('give one drawing, or several scenes')
+    if all(is_scene) and arguments.output is None:
+        options.error('the following arguments are required: --output')
+    if len(files) > 1:
+        from dragon_ros.commands.plan_together import run
+    elif all(is_scene):
         arguments.scene = str(arguments.drawing or arguments.scene or 'street')
-        if arguments.output is None:
-            options.error('the following arguments are required: --output')
         from dragon_ros.commands.plan import run
     else:
         arguments.scene = arguments.scene or 'winding'

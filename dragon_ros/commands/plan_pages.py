@@ -1,9 +1,10 @@
 """The pages of a plan: the whole way with its tight places numbered, sheets to scale of these places, and tables."""
 from argparse import Namespace
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import date
 from io import BytesIO
+from itertools import pairwise
 from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 SCALES = (50, 100, 200, 250, 300, 400, 500, 1000)
-_OVERVIEW = (100, 200, 250, 300, 400, 500, 600, 750, 1000, 1500, 2000, 2500, 3000, 4000, 5000, 7500, 10_000, 20_000,
+OVERVIEW = (100, 200, 250, 300, 400, 500, 600, 750, 1000, 1500, 2000, 2500, 3000, 4000, 5000, 7500, 10_000, 20_000,
              50_000, 100_000)
 _SHEET = 200            # scale of sheets, and the coarsest of a plan on one page, unless --scale is given
 PAPERS_MM = {'A4': (297.0, 210.0), 'A3': (420.0, 297.0)}
@@ -60,15 +61,21 @@ class Sheet:
 
 def write_pdf(arguments: Namespace, plan: Plan, path: Path) -> None:
     """Write the pages of a plan."""
+    write_pages([plan], path, lambda: list(pages(plan, sheets(plan, arguments.paper, arguments.plan_scale))))
+
+
+def write_pages(plans: Sequence[Plan], path: Path, made: Callable[[], list['Figure']]) -> None:
+    """Write pages that are made in the style of plans."""
     from matplotlib.backends.backend_pdf import PdfPages
-    with figures.style(chinese=plan.lang == 'zh' or _has_chinese(plan), needed=plan.lang == 'zh'), BytesIO() as file:
-        found = list(pages(plan, sheets(plan, arguments.paper, arguments.plan_scale)))
+    lang, has_chinese = plans[0].lang, any(map(_has_chinese, plans))
+    with figures.style(chinese=lang == 'zh' or has_chinese, needed=lang == 'zh'), BytesIO() as file:
+        found = made()
         with PdfPages(file, metadata={'CreationDate': None}) as pdf:    # on a full disk, zlib would raise its own error
-            for page in Progress('plan', 'pages', len(found))(found):
-                pdf.savefig(page)
+            for one in Progress('plan', 'pages', len(found))(found):
+                pdf.savefig(one)
         command_line.write_output(path, file.getvalue())
-    if plan.lang != 'zh' and _has_chinese(plan) and not figures.has_chinese_font():
-        command_line.write_output(None, plan.say('no_font'))
+    if lang != 'zh' and has_chinese and not figures.has_chinese_font():
+        command_line.write_output(None, plans[0].say('no_font'))
 
 
 def _has_chinese(plan: Plan) -> bool:
@@ -83,21 +90,31 @@ def sheets(plan: Plan, paper: str | None, scale: str | None) -> list[Sheet]:
 
     Raises FieldError for an invalid scale.
     """
-    x, y = plan.line.T
-    left, bottom, right, top = plan.swept.bounds
-    low = np.array((min(left, x.min()), min(bottom, y.min()))) - _AROUND_M
-    high = np.array((max(right, x.max()), max(top, y.max()))) + _AROUND_M
+    low, high = extent(plan)
     asked = None if scale is None else _scale(scale)
     papers = [paper] if paper else list(PAPERS_MM)
     for one in (asked,) if asked else (some for some in SCALES if some <= _SHEET):
         for each in papers:
-            if np.all(high - low <= _size_m(each, one)):
-                return [_centred(each, one, 0.5 * (low + high))]
-    chosen, sheet = papers[0], asked or _SHEET
-    coarse = next(one for one in _OVERVIEW if one > sheet and (
-        one == _OVERVIEW[-1] or np.all(high - low <= _size_m(chosen, one))))
-    overview = _centred(chosen, coarse, 0.5 * (low + high))
-    return [overview, *(_centred(chosen, sheet, at, n) for n, at in enumerate(_centres(plan, chosen, sheet), 2))]
+            if np.all(high - low <= size_m(each, one)):
+                return [centred(each, one, 0.5 * (low + high))]
+    sheet = asked or _SHEET
+    first = overview(papers[0], low, high, sheet)
+    return [first, *(centred(papers[0], sheet, at, n) for n, at in enumerate(_centres(plan, papers[0], sheet), 2))]
+
+
+def extent(plan: Plan) -> tuple[Floats, Floats]:
+    """Return the corners (m) of a rectangle around the way and the swept area."""
+    x, y = plan.line.T
+    left, bottom, right, top = plan.swept.bounds
+    low = np.array((min(left, x.min()), min(bottom, y.min()))) - _AROUND_M
+    return low, np.array((max(right, x.max()), max(top, y.max()))) + _AROUND_M
+
+
+def overview(paper: str, low: Floats, high: Floats, above: int = 0) -> Sheet:
+    """Return a sheet that shows everything between two corners, at a scale coarser than 1:``above``."""
+    scale = next(one for one in OVERVIEW if one > above and (
+        one == OVERVIEW[-1] or np.all(high - low <= size_m(paper, one))))
+    return centred(paper, scale, 0.5 * (low + high))
 
 
 def _scale(text: str) -> int:
@@ -107,14 +124,15 @@ def _scale(text: str) -> int:
     raise FieldError('--scale', text, f'scales go from 1:{SCALES[0]} to 1:{SCALES[-1]}', 'write, for example, 1:200')
 
 
-def _size_m(paper: str, scale: int) -> Floats:
+def size_m(paper: str, scale: int) -> Floats:
     """Return the size of the drawing on a page, in metres of the street."""
     out: Floats = (np.array(PAPERS_MM[paper]) - (2 * _EDGE_MM, 2 * _EDGE_MM + _FOOT_MM)) * scale / 1000
     return out
 
 
-def _centred(paper: str, scale: int, at_m: Floats, number: int = 1) -> Sheet:
-    half = 0.5 * _size_m(paper, scale)
+def centred(paper: str, scale: int, at_m: Floats, number: int = 1) -> Sheet:
+    """Return a sheet around a point."""
+    half = 0.5 * size_m(paper, scale)
     return Sheet(paper, scale, np.array((at_m - half, at_m + half)), number)
 
 
@@ -123,7 +141,7 @@ def _centres(plan: Plan, paper: str, scale: int) -> list[Floats]:
     from shapely import LineString, Point
     room_m, _ = plan.poses(np.array([at for at, *_ in plan.widest]))
     places = np.array([*(gap.ends_m.mean(axis=0) for gap in plan.tight if gap.is_tight), *room_m]).reshape(-1, 2)
-    line, most_m = LineString(plan.line), (1 - 2 * _BESIDE) * _size_m(paper, scale)
+    line, most_m = LineString(plan.line), (1 - 2 * _BESIDE) * size_m(paper, scale)
     groups = list[list[Floats]]()
     for at in sorted(places, key=lambda one: line.project(Point(one))):
         if groups and np.all(np.ptp([*groups[-1], at], axis=0) <= most_m):
@@ -145,7 +163,7 @@ def pages(plan: Plan, drawn: Sequence[Sheet]) -> Iterator['Figure']:
         yield _table(plan, drawn[0].paper, rows, (n, total))
 
 
-def _page(plan: Plan, paper: str, number: tuple[int, int], title: str) -> 'Figure':
+def page(plan: Plan, paper: str, number: tuple[int, int], title: str) -> 'Figure':
     """Return a page that contains only its title, its date and its number."""
     from matplotlib.figure import Figure
     width, height = PAPERS_MM[paper]
@@ -160,36 +178,48 @@ def _page(plan: Plan, paper: str, number: tuple[int, int], title: str) -> 'Figur
 
 def drawing(plan: Plan, sheet: Sheet, total: int = 1, others: Sequence[Sheet] = ()) -> 'Figure':
     """Return a page with a part of the drawing; ``others`` are sheets whose frames it shows."""
-    width, height = PAPERS_MM[sheet.paper]
     is_detail = sheet.number > 1
-    figure = _page(plan, sheet.paper, (sheet.number, total), plan.say(
+    figure = page(plan, sheet.paper, (sheet.number, total), plan.say(
         'detail' if is_detail else 'plan', title=plan.title, scale=sheet.scale, n=sheet.number))
-    axes = figure.add_axes((_EDGE_MM / width, (_EDGE_MM + _FOOT_MM) / height, 1 - 2 * _EDGE_MM / width,
-                            1 - (2 * _EDGE_MM + _FOOT_MM) / height))
-    axes.set(xlim=sheet.window[:, 0], ylim=sheet.window[:, 1], xticks=[], yticks=[])
-    axes.grid(False)
-    for side in ('top', 'right'):
-        axes.spines[side].set_visible(True)
-    _draw_venue(axes, plan, sheet.window)
+    axes = frame(figure, sheet)
+    draw_venue(axes, plan, sheet.window)
     for area, colour, name, hatch in ((plan.swept.body, BODY, 'body', None), (plan.swept.head, HEAD, 'head', HATCH)):
-        _fill(axes, area, facecolor=colour, edgecolor=colour, alpha=0.45, linewidth=0.4, hatch=hatch,
+        fill(axes, area, facecolor=colour, edgecolor=colour, alpha=0.45, linewidth=0.4, hatch=hatch,
               label=plan.say(name), zorder=2)
     axes.plot(*plan.line.T, color='black', linewidth=0.7, linestyle=_CENTRE_LINE, zorder=3, label=plan.say('track'))
     labels = Labels(axes)
     _legend(axes, plan, labels)
     _draw_frames(axes, plan, others, labels)
     _draw_numbers(axes, plan, sheet, labels, dimensions=not others)
-    if not others:
-        for ends_m in zip(plan.line, plan.line[1:], strict=False):
-            if sheet.shows(ends_m[0]):
-                labels.take_line(np.array(ends_m), _BAND_M / labels.metres_per_point())
+    if others:
+        _draw_marks(axes, plan, sheet, labels)
+        _take_track(plan, sheet, labels)
+    else:
+        _take_track(plan, sheet, labels)
         _draw_room(axes, plan, sheet, labels)
-    _draw_marks(axes, plan, sheet, labels)
+        _draw_marks(axes, plan, sheet, labels)
     _draw_names(axes, plan, sheet, labels)
-    _bar(figure, sheet)
-    figure.text(_EDGE_MM / width, (_FOOT_MM - 6) / height, '\n'.join(_listed(plan, sheet, others)),
-                fontsize=_TEXT_PT, va='top')
+    draw_bar(figure, sheet)
+    below(figure, sheet.paper, '\n'.join(_listed(plan, sheet, others)))
     return figure
+
+
+def frame(figure: 'Figure', sheet: Sheet) -> 'Axes':
+    """Return the axes of a drawing to scale."""
+    width, height = PAPERS_MM[sheet.paper]
+    axes = figure.add_axes((_EDGE_MM / width, (_EDGE_MM + _FOOT_MM) / height, 1 - 2 * _EDGE_MM / width,
+                            1 - (2 * _EDGE_MM + _FOOT_MM) / height))
+    axes.set(xlim=sheet.window[:, 0], ylim=sheet.window[:, 1], xticks=[], yticks=[])
+    axes.grid(False)
+    for side in ('top', 'right'):
+        axes.spines[side].set_visible(True)
+    return axes
+
+
+def below(figure: 'Figure', paper: str, text: str) -> None:
+    """Write text below a drawing."""
+    width, height = PAPERS_MM[paper]
+    figure.text(_EDGE_MM / width, (_FOOT_MM - 6) / height, text, fontsize=_TEXT_PT, va='top')
 
 
 def _listed(plan: Plan, sheet: Sheet, others: Sequence[Sheet]) -> list[str]:
@@ -309,7 +339,7 @@ def _legend(axes: 'Axes', plan: Plan, labels: Labels) -> None:
     labels.take(float(x), float(y), wide / 2, high / 2)
 
 
-def _fill(axes: 'Axes', area: Any, **style: Any) -> None:
+def fill(axes: 'Axes', area: Any, **style: Any) -> None:
     """Fill polygons except for their holes."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
@@ -320,7 +350,8 @@ def _fill(axes: 'Axes', area: Any, **style: Any) -> None:
         label = None
 
 
-def _draw_venue(axes: 'Axes', plan: Plan, window: Floats) -> None:
+def draw_venue(axes: 'Axes', plan: Plan, window: Floats) -> None:
+    """Draw the obstacles and the area outside the boundary."""
     from shapely import Polygon, box
     venue = plan.scene.venue
     if venue is None:
@@ -328,7 +359,7 @@ def _draw_venue(axes: 'Axes', plan: Plan, window: Floats) -> None:
     label: str | None = plan.say('obstacles')
     for one in venue.obstacles:
         if hasattr(one, 'holes_m'):
-            _fill(axes, Polygon(one.points_m, one.holes_m), facecolor=OBSTACLE, edgecolor=QUIET, linewidth=0.8,
+            fill(axes, Polygon(one.points_m, one.holes_m), facecolor=OBSTACLE, edgecolor=QUIET, linewidth=0.8,
                   hatch=_OBSTACLE_HATCH, zorder=1, label=label)
         else:
             axes.plot(*np.array(one.points_m).T, color=QUIET, linewidth=1.6, zorder=1, label=label)
@@ -336,7 +367,7 @@ def _draw_venue(axes: 'Axes', plan: Plan, window: Floats) -> None:
     if venue.inside is not None:
         outside = box(*window[0], *window[1]).difference(Polygon(venue.inside))
         if not outside.is_empty:
-            _fill(axes, outside, facecolor=OBSTACLE, edgecolor=QUIET, linewidth=0.8, zorder=0.9)
+            fill(axes, outside, facecolor=OBSTACLE, edgecolor=QUIET, linewidth=0.8, zorder=0.9)
 
 
 def _draw_frames(axes: 'Axes', plan: Plan, others: Sequence[Sheet], labels: Labels) -> None:
@@ -359,7 +390,7 @@ def _draw_numbers(axes: 'Axes', plan: Plan, sheet: Sheet, labels: Labels, dimens
         labels.take_line(gap.ends_m, 3.0)
     for number, gap in shown:
         middle, colour = gap.ends_m.mean(axis=0), _BROKEN if gap.is_broken else 'black'
-        label = plan.say('numbered', n=number, gap=_gap(plan, gap)) if dimensions else str(number)
+        label = f'{number}  {_gap(plan, gap)}' if dimensions else str(number)
         if dimensions:
             axes.annotate('', gap.ends_m[0], gap.ends_m[1], zorder=6, arrowprops={
                 'arrowstyle': '<->', 'color': colour, 'linewidth': 0.9, 'shrinkA': 0, 'shrinkB': 0,
@@ -370,6 +401,13 @@ def _draw_numbers(axes: 'Axes', plan: Plan, sheet: Sheet, labels: Labels, dimens
                       bbox={'boxstyle': 'round,pad=0.2' if dimensions else 'circle,pad=0.2', 'facecolor': 'white',
                             'edgecolor': colour, 'linewidth': 0.7},
                       arrowprops={'arrowstyle': '-', 'color': colour, 'linewidth': 0.5})
+
+
+def _take_track(plan: Plan, sheet: Sheet, labels: Labels) -> None:
+    """Keep the track and the benches on it free of labels."""
+    for ends_m in pairwise(plan.line):
+        if sheet.shows(ends_m[0]):
+            labels.take_line(np.array(ends_m), _BAND_M / labels.metres_per_point())
 
 
 def _draw_room(axes: 'Axes', plan: Plan, sheet: Sheet, labels: Labels) -> None:
@@ -440,7 +478,7 @@ def _draw_names(axes: 'Axes', plan: Plan, sheet: Sheet, labels: Labels) -> None:
                           ha='center', va='center', zorder=5, style='italic', bbox={**_PLAIN, 'facecolor': OBSTACLE})
 
 
-def _bar(figure: 'Figure', sheet: Sheet) -> None:
+def draw_bar(figure: 'Figure', sheet: Sheet) -> None:
     """Draw a scale bar about five centimetres long, below the drawing on the right."""
     width, height = PAPERS_MM[sheet.paper]
     steps = [one * 10 ** power for power in range(5) for one in (1, 2, 5)]
@@ -468,7 +506,7 @@ def _tables(plan: Plan) -> list[list[tuple[str, ...]]]:
 def _table(plan: Plan, paper: str, rows: list[tuple[str, ...]], number: tuple[int, int]) -> 'Figure':
     """Return a page with the times at which head and tail pass each mark, the gaps and the room."""
     width, height = PAPERS_MM[paper]
-    figure = _page(plan, paper, number, plan.say('tables', title=plan.title))
+    figure = page(plan, paper, number, plan.say('tables', title=plan.title))
     x, top, line = _EDGE_MM + 2, height - _EDGE_MM - 4, 4.3
     for first in range(0, len(rows), _ROWS):
         block = [(plan.say('mark'), plan.say('head_at'), plan.say('tail_at')), *rows[first:first + _ROWS]]
@@ -484,5 +522,5 @@ def _table(plan: Plan, paper: str, rows: list[tuple[str, ...]], number: tuple[in
         (plan.say('room_at', at=at, left=left, right=right), 'black') for at, left, right in plan.widest]
     for n, (text, colour) in enumerate(texts):
         figure.text((x + 4) / width, (top - line * n) / height, text, fontsize=_TEXT_PT, color=colour)
-    figure.text(_EDGE_MM / width, (_FOOT_MM - 6) / height, said(plan), fontsize=_TEXT_PT, va='top')
+    below(figure, paper, said(plan))
     return figure

@@ -6,12 +6,13 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from matplotlib.text import Text
-from shapely import LineString, Polygon, box, distance, polygons, prepare
+from shapely import LineString, Polygon, box, distance, polygons, prepare, unary_union
 from shapely.geometry import shape
 
 from dragon_ros.__main__ import main
 from dragon_ros.commands.plan_contents import Plan, chalk_marks, geojson
 from dragon_ros.commands.plan_pages import Sheet, drawing, pages, said, sheets
+from dragon_ros.commands.plan_together import gaps_between
 from dragon_ros.core.batches import states
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.model import compile_scene
@@ -252,3 +253,53 @@ def test_a_drawing_and_a_town_give_an_answer_a_plan_a_page_and_a_scene(capsys, t
     assert (code, 'It does not fit; too close: kiosk, 1.8' in out) == (1, True)
     code, out, _ = run(capsys)
     assert (code, len(out.splitlines())) == (0, 3)
+
+
+WALK = ('dragon: {benches: 6, head_length_m: 2.1, body_length_m: 2.1}\nrun: {stop_s: 30}\n'
+        'track: {kind: joined, start_m: 12, pieces: [{kind: line, at_m: [%g, %g], heading_deg: %g, length_m: 60}]}\n')
+
+
+@pytest.fixture
+def two_walks(tmp_path):
+    """Two dragons whose ways cross."""
+    files = [tmp_path / 'red.yaml', tmp_path / 'green.yaml']
+    for file, place in zip(files, ((0, 0, 0), (37, -45, 90)), strict=True):
+        file.write_text(WALK % place)
+    return files
+
+
+def test_the_smallest_gap_of_two_dragons_is_that_of_all_benches_at_every_tenth_of_a_second(capsys, tmp_path, two_walks):
+    scenes = [load_scene(str(one)) for one in two_walks]
+    (found,) = gaps_between(scenes)
+    sets = []
+    for scene in scenes:
+        chain = states(scene, np.arange(301) / 10)
+        corners = benches_of(chain, scene.dragon, axes_of(chain)).corners.reshape(301, -1, 4, 2)
+        sets.append([unary_union(polygons(one)) for one in corners])
+    gaps = distance(*sets)
+    assert found.gap_m == pytest.approx(gaps.min(), abs=1e-9)
+    assert 0 < found.gap_m < 3
+    assert found.t_s == pytest.approx(np.argmin(gaps) / 10)
+    code, out, _ = run(capsys, *two_walks, '--output', tmp_path / 'both.pdf', '--lang', 'en')
+    assert code == 0
+    assert f'sampled every 0.1 s, not proved: red and green: {found.gap_m:.2f} m at {found.t_s:.1f} s' in out
+    assert (tmp_path / 'both.pdf').read_bytes().startswith(b'%PDF')
+
+
+def test_dragons_that_touch_or_never_meet_are_said(capsys, tmp_path, two_walks):
+    two_walks[1].write_text(WALK % (30, -28, 90))
+    _, out, _ = run(capsys, *two_walks, '--output', tmp_path / 'both.pdf', '--lang', 'en')
+    assert re.search(r'red and green touch at \d+\.\d s', out)
+    two_walks[1].write_text((WALK % (30, -28, 90)).replace('stop_s: 30', 'start_s: 40, stop_s: 45'))
+    _, out, _ = run(capsys, *two_walks, '--output', tmp_path / 'both.pdf', '--lang', 'en')
+    assert 'red and green are never there at one time' in out
+
+
+def test_dragons_of_different_origins_or_too_many_files_are_refused(capsys, tmp_path, two_walks):
+    with two_walks[1].open('a') as file:
+        file.write('origin: {longitude_deg: 120, latitude_deg: 30}\n')
+    code, _, err = run(capsys, *two_walks, '--output', tmp_path / 'both.pdf')
+    assert (code, 'origin' in err, len(err.splitlines())) == (2, True, 1)
+    assert run(capsys, two_walks[0], tmp_path / 'way.gpx')[0] == 2
+    code, _, err = run(capsys, *two_walks, '--output', two_walks[0])
+    assert (code, 'the plan of several dragons is a .pdf' in err) == (2, True)
