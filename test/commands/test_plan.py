@@ -297,9 +297,9 @@ def test_dragons_that_touch_or_never_meet_are_said(capsys, tmp_path, two_walks):
 
 def test_dragons_of_different_origins_or_too_many_files_are_refused(capsys, tmp_path, two_walks):
     with two_walks[1].open('a') as file:
-        file.write('origin: {longitude_deg: 120, latitude_deg: 30}\n')
+        file.write('origin: {lon_lat_deg: [120.0, 30.0]}\n')
     code, _, err = run(capsys, *two_walks, '--output', tmp_path / 'both.pdf')
-    assert (code, 'origin' in err, len(err.splitlines())) == (2, True, 1)
+    assert (code, 'give all scenes one origin' in err, len(err.splitlines())) == (2, True, 1)
     assert run(capsys, two_walks[0], tmp_path / 'way.gpx')[0] == 2
     code, _, err = run(capsys, *two_walks, '--output', two_walks[0])
     assert (code, 'the plan of several dragons is a .pdf' in err) == (2, True)
