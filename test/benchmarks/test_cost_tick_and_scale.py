@@ -97,6 +97,12 @@ def test_the_street_of_the_page_has_tables():
     assert len(compile_scene(scene).model.track.segments) == 62
 
 
+def test_every_scene_of_the_page_of_first_ticks_uses_a_map_for_all_ticks_that_are_timed():
+    for name, scene in first_ticks.scenes().items():
+        ends = [state(scene, scene.run.seconds(scene.run.time_ns(k))).solver for k in (0, first_ticks.TICKS - 1)]
+        assert all(solver.startswith('table') for solver in ends), name
+
+
 def test_the_page_of_first_ticks_has_a_line_a_scene_and_a_picture(tmp_path):
     rows = [first_row(10.2e-3, 1e-5, 2e-4, 2.1e-4), first_row(1e-2, 3e-4, 2e-4, 2e-4)]
     with np.errstate(all='warn'):
