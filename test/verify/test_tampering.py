@@ -139,7 +139,7 @@ TAMPERINGS = [
     # Intervals with invalid benches or positions
     ('contact', (*ROW, 'lead'), 'tail', 'is not a valid lead'),
     ('contact', (*ROW, 'lead'), 'bench 10', 'does not have two benches behind'),
-    ('contact', (*ROW, 'behind'), 12, 'only 11 benches'), ('contact', (*ROW, 'behind'), -1, 'not between'),
+    ('contact', (*ROW, 'behind'), 12, 'only 11 behind it'), ('contact', (*ROW, 'behind'), -1, 'not between'),
     ('contact', (*ROW, 'stop_m'), 412.6, 'exceeds the track'),
     ('contact', ('intervals', -1, 'start_m'), -1e3, 'exceeds the track'), ('contact', (*ROW, 'stop_m'), nan, 'NaN'),
     ('contact', (*ROW, 'stop_m'), inf, 'Infinity'), ('contact', (*ROW, 'stop_m'), '411', 'not a number'),
