@@ -59,8 +59,8 @@ def test_a_contact_is_reported_from_start_to_end_on_every_topic(start, node):
 
     from dragon_ros.nodes import contact_messages
     monitor = start('monitor')
-    heard = Listener(node, 'collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance',
-                     'clearance/marker')
+    heard = Listener(node, 'collision', 'collision/point', 'collision/markers', 'clearance', 'clearance/marker',
+                     'collision/active')        # the last subscription to be discovered; the others are, too, then
     source = Publisher(node)
     node.until(lambda: [m.data for m in heard.got['collision/active']] == [False])
     source.show(412.44, 412.46, 412.48)
