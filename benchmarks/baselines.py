@@ -38,13 +38,13 @@ def by_brentq(theta: float, chord: float) -> float:
 
 def euler_steps(scene: Scene, step_s: float) -> tuple[Chain, Callable[[Chain], Chain]]:
     """Return the exact chain at 0 s and a function that advances all handles by one explicit Euler step."""
-    start = compile_scene(scene).model.march((0.0, 0.0))
+    start = compile_scene(scene).model.march(0.0)
     b = scene.spiral.b_m
 
     def advance(chain: Chain) -> Chain:
         v = np.hypot(*chain.velocities(scene.steady_m_s).T)
         theta = chain.u - step_s * v / (b * np.sqrt(1 + chain.u**2))
-        return chain_of(chain.track, chain.links_m, chain.direction, (chain.segment, theta, np.zeros_like(theta)), 0)
+        return chain_of(chain.track, chain.links_m, chain.direction, (chain.segment, theta), 0)
     return start, advance
 
 

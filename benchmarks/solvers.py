@@ -21,7 +21,7 @@ _TOLERANCE_RAD = 1e-9       # tolerance of the plain Newton method
 def _plain(scene: Scene, head: Place) -> Chain:
     """Place the chain as typical Python code does: by Newton's method on the cosine rule, point by point."""
     b = scene.spiral.b_m
-    theta = [head.u.hi]
+    theta = [head.u]
     for link in scene.dragon.link_lengths_m.tolist():
         theta.append(by_newton(_TOLERANCE_RAD, theta[-1], link / b))
     p = np.array([(b * t * cos(t), b * t * sin(t)) for t in theta])

@@ -80,8 +80,9 @@ def _on_a_spiral() -> tuple[Problem, ...]:
     return (
         Problem('classic', Scene(), (0.0, 60.0, 120.0, 180.0, 240.0, 300.0, 360.0, 400.0, 412.47), _ALL,
                 'the contest scene, all handles'),
-        *(Problem(f'lock-1e-{k}', twenty, (LOCK_S - 10.0 ** -k,), tuple(range(21)),
-                  f'1e-{k} m before the smallest root of the chord equation vanishes') for k in range(0, 7, 2)),
+        *(Problem(f'lock-{metres}', twenty, (LOCK_S - float(metres),), tuple(range(21)),
+                  f'{metres} m before the smallest root of the chord equation vanishes')
+          for metres in ('1e-0', '1e-2', '1e-4', '2e-6')),
         _with('across', 'the first link is almost perpendicular to the track: its follower stops and turns back',
               (432.0, 432.3, 432.5, 432.6, 432.7, 432.8), Dragon(20)),
         _with('inner-turn', 'short links down to the last turn before the centre', (0.0, 2.5, 3.0, 3.1),

@@ -120,7 +120,7 @@ class Design:
         """
         from dragon_ros.core.tracks.composite import track_of
         track, metres = track_of(turn), np.asarray(along_m, dtype=np.float64)
-        return track.poses(*track.places_at(metres, np.zeros_like(metres)))
+        return track.poses(*track.places_at(metres))
 
 
 design = Design()

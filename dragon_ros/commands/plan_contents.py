@@ -116,7 +116,7 @@ class Plan:
     def poses(self, along_m: Floats) -> tuple[Floats, Floats]:
         """Return the points and the headings, each an array (n, 2), at n distances along the track."""
         track = compile_scene(self.scene).model.track
-        return track.poses(*track.places_at(along_m, np.zeros_like(along_m)))
+        return track.poses(*track.places_at(along_m))
 
     @cached_property
     def gaps(self) -> tuple[Gap, ...]:

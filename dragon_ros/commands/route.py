@@ -52,7 +52,7 @@ def _rows(drawn: DrawnScene) -> list[str]:
     """Return the table of pieces."""
     rows = [f'{"piece":<10} {"length m":>10} {"radius m":>10} {"turn":>14}   begins at m']
     for number, (segment, piece) in enumerate(zip(drawn.track.segments, drawn.route.pieces, strict=True), 1):
-        first = segment.after(0.0).hi
+        first = segment.after(0.0)
         at = complex(segment.at(first))
         length_m = float(segment.metres_between(first, segment.last))
         radius_m, angle = getattr(piece, 'radius_m', None), getattr(piece, 'angle_deg', 0.0)
@@ -83,7 +83,7 @@ def _tightest(laid: DrawnScene) -> str:
     if not laid.track.bend:
         return 'the track has no bends'
     k = max(range(len(laid.track.segments)), key=lambda k: laid.track.segments[k].bend)
-    at = complex(laid.track.segments[k].at(laid.track.segments[k].after(0.0).hi))
+    at = complex(laid.track.segments[k].at(laid.track.segments[k].after(0.0)))
     return (f'the tightest bend has a radius of {1 / laid.track.bend:.4g} m: piece {k + 1} at ({at.real:.3f}, '
             f'{at.imag:.3f}) m; the smallest radius that these benches can walk is {laid.least_m:.4g} m')
 

@@ -9,7 +9,7 @@ from collections import OrderedDict
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import count
-from math import floor, inf, ulp
+from math import floor, inf
 from threading import Lock
 from types import SimpleNamespace
 
@@ -18,7 +18,6 @@ import numpy as np
 from dragon_ros.core import paper
 from dragon_ros.core.chain.chain import Chain, marched
 from dragon_ros.core.chain.dragon import AnyDragon
-from dragon_ros.core.chain.forward import blocks_of, forward, forward_many
 from dragon_ros.core.chain.leader import Leader
 from dragon_ros.core.chain.lock import head_lock_angle
 from dragon_ros.core.checks import number
@@ -35,6 +34,7 @@ from dragon_ros.core.tracks.polyline import SAG_M, polyline
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import STurn, TrackSpec
 
+BEFORE_LOCK_M = 1e-6    # a run ends this far before a lock, where speeds grow without bound
 _LAST_FLOAT = 1.7976931348623157e308    # the largest float, used as the time if there is no end
 _MOST_SIMULATIONS = 64              # maximum number of cached simulations
 _MOST_BYTES_AHEAD = 256_000_000     # memory limit for the tables of a model that are built in advance
@@ -100,11 +100,11 @@ class Model:
         """The memory used by the tables built so far, in bytes."""
         return self.placement.memory_bytes if 'placement' in vars(self) else 0      # not laid out just to be measured
 
-    def place(self, gone_m: tuple[float, float]) -> Chain:
-        """Return the chain after the leader has travelled hi + lo metres. Raises ModelEnd if there is no chain."""
+    def place(self, gone_m: float) -> Chain:
+        """Return the chain after the leader has travelled a distance (m). Raises ModelEnd if there is no chain."""
         return self.placement.place(self.leader.place(gone_m))
 
-    def place_many(self, gone_m: tuple[Floats, Floats], out: Floats | None = None) -> Chain:
+    def place_many(self, gone_m: Floats, out: Floats | None = None) -> Chain:
         """Return the chains at S distances as one Chain.
 
         The chains agree with chains that are placed one by one to within the promise, but not bit for bit. If given,
@@ -112,22 +112,13 @@ class Model:
         """
         return self.placement.place_many(self.leader.places(gone_m), out)
 
-    def march(self, gone_m: tuple[float, float]) -> Chain:
+    def march(self, gone_m: float) -> Chain:
         """Return the chain, computed by forward placement without shift maps."""
         return marched(self.track, self.links_m, self.leader.place(gone_m), self.direction)
 
     def size_m(self, extent_m: tuple[float, float]) -> float:
         """Return a bound (m) on the handles' distance from the origin for travel within ``extent_m``."""
         return self.leader.size_m(extent_m)
-
-    @cached_property
-    def sure_m(self) -> float:
-        """A distance (m) that the leader can certainly travel, found without a lock search; negative if unknown.
-
-        Handles lie at increasing radii, and no link locks at a radius above half its chord (``lock.lock_angle``).
-        """
-        spiral = self.track.from_afar if self.track.may_lock else None
-        return spiral.curve.distance_to(0.5 * float(np.max(self.links_m)) / spiral.curve.b_m) if spiral else -1.0
 
     @cached_property
     def limits(self) -> tuple[TravelEnd | None, TravelEnd | None]:
@@ -141,37 +132,15 @@ class Model:
         assert spiral
         curve = spiral.curve
         angle, link = head_lock_angle((self.links_m / curve.b_m).tolist())
-        if curve.start.hi < angle:
+        lock_m = curve.distance_to(angle) - BEFORE_LOCK_M
+        if angle and lock_m < 0:
             raise ChainLockError(
                 f'the chain is locked from the start: link {link} cannot be placed while the head is closer to '
                 f'the centre than {curve.b_m * angle:.6g} m; give a larger track.start_turns or track.pitch_m, or '
                 'shorter benches', link=link, radius_m=curve.b_m * angle, t_s=0.0)
         if not angle:
             return None, TravelEnd(curve.length_m, 'track')
-        return None, TravelEnd(self._last_stand_m(curve.distance_to(angle), link), 'lock', link)
-
-    def _last_stand_m(self, gone_m: float, link: int) -> float:
-        """Return the distance of a lock, or a distance just before it if links cannot be placed at the lock itself.
-
-        The position and the distance of the lock are rounded to floats, so the chain may already be beyond the lock.
-        """
-        back = ulp(gone_m)
-        while 0 < gone_m < inf and not self.stands((gone_m, 0.0), link):
-            gone_m, back = max(0.0, gone_m - back), 2 * back
-        return gone_m
-
-    def stands(self, gone_m: tuple[float, float], link: int) -> bool:
-        """Return whether the links up to the one behind ``link`` can be placed, both one by one and in a batch.
-
-        ``gone_m`` is the distance travelled by the leader, as the sum of two floats.
-        """
-        blocks, (high, low) = blocks_of(self.links_m[:link + 2], BEHIND), gone_m
-        try:
-            forward(self.track, self.links_m[:link + 2].tolist(), self.leader.place(gone_m), BEHIND)
-            forward_many(self.track, blocks, self.leader.places((np.array([high]), np.array([low]))), BEHIND)
-        except ChainLockError:
-            return False
-        return True
+        return None, TravelEnd(lock_m, 'lock', link)
 
 
 @dataclass(frozen=True)
@@ -219,10 +188,9 @@ class Simulation:
 
     def check_world(self) -> None:
         """Raise FieldError if handles may leave the world in this run."""
-        plane_m = self.model.leader.plane_m(self._travel_m)
-        if plane_m > COORDINATE.high:
-            raise FieldError('track', f'{plane_m:.6g} m', 'handles would be so far from the origin; the world ends at '
-                             f'{COORDINATE.high:g} m', 'stop the run earlier, or move or shorten the track')
+        if self.size_m > COORDINATE.high:
+            raise FieldError('track', f'{self.size_m:.6g} m', 'handles would be so far from the origin; the world ends '
+                             f'at {COORDINATE.high:g} m', 'stop the run earlier, or move or shorten the track')
         longest_m = self.model.leader.longest_m(self._travel_m)
         if longest_m > 2 * TRACK.high:      # the longest track and the longest dragon on it
             raise FieldError('track', f'{longest_m:.6g} m', 'the run would reach so far along the track; '
@@ -236,10 +204,9 @@ class Simulation:
     @cached_property
     def promise_m(self) -> float:
         """The largest position error allowed in this scene away from a lock, in metres; infinite for the paper."""
-        leader = self.model.leader
-        return inf if self.is_paper else promise_m(
-            max(leader.longest_m(self._travel_m), self.size_m), self.model.links_m.size,
-            leader.plane_m(self._travel_m))
+        if self.is_paper:
+            return inf
+        return promise_m(max(self.model.leader.longest_m(self._travel_m), self.size_m), self.size_m)
 
     @cached_property
     def limit(self) -> End | None:
@@ -250,21 +217,7 @@ class Simulation:
         if not ends:
             return None
         t_s, limit = min(ends, key=lambda end: end[0])
-        return End(self._before_s(t_s, limit) if limit.reason == 'lock' else t_s, limit.reason, limit.link)
-
-    def _before_s(self, t_s: float, limit: TravelEnd) -> float:
-        """Return a time, or a time just before it if the leader has already passed a lock.
-
-        It must also be possible to place the links at this time: close to a lock, rounding can increase an angle.
-        """
-        back = ulp(t_s)
-        assert limit.link is not None
-        while 0 < t_s < inf:
-            high, low = self.scene.head.travelled_m(t_s)
-            if (high - limit.gone_m) + low <= 0 and self.model.stands((high, low), limit.link):
-                break
-            t_s, back = max(0.0, t_s - back), 2 * back
-        return t_s
+        return End(t_s, limit.reason, limit.link)
 
     @cached_property
     def end(self) -> End:
@@ -300,18 +253,10 @@ class Simulation:
 
     def check_time(self, t_s: float) -> None:
         """Raise FieldError or ModelEnd if the model has no state at ``t_s``."""
-        if not 0.0 <= t_s <= self._sure_s and not 0.0 <= t_s <= self._last_s:
+        if not 0.0 <= t_s <= self._last_s:
             number('t_s', t_s, low=0.0)
             assert self.limit
             raise self._beyond(t_s, self.limit)
-
-    @cached_property
-    def _sure_s(self) -> float:
-        """A time up to which states certainly exist; finding the exact end takes as long as computing many states."""
-        if self.model.sure_m < 0:
-            return -1.0
-        passed_s = self.scene.head.passage_s(self.model.sure_m)
-        return _LAST_FLOAT if passed_s is None else passed_s
 
     @cached_property
     def _last_s(self) -> float:
@@ -319,9 +264,8 @@ class Simulation:
 
     def check_times(self, times_s: Floats) -> None:
         """Raise the error of ``check_time`` for the first of the given times that has no state."""
-        if not np.all((times_s >= 0) & (times_s <= self._sure_s)):
-            for t_s in times_s[~((times_s >= 0) & (times_s <= self._last_s))][:1].tolist():
-                self.check_time(t_s)
+        for t_s in times_s[~((times_s >= 0) & (times_s <= self._last_s))][:1].tolist():
+            self.check_time(t_s)
 
     def _beyond(self, t_s: float, limit: End) -> ModelEnd:
         """Return the error for a time after the model's end."""
@@ -329,8 +273,8 @@ class Simulation:
         if not self.model.track.may_lock or not spiral:
             return TrackEndError(f't_s: {t_s:.9g} s is beyond the end of the scene: the track ends for a handle '
                                  f'at {limit.t_s:.6f} s; choose an earlier time', t_s=t_s, limit_s=limit.t_s)
-        gone_m = min(spiral.curve.length_m, self.scene.head.travelled_m(limit.t_s)[0])
-        radius_m = spiral.curve.b_m * spiral.curve.inward(gone_m).hi
+        gone_m = min(spiral.curve.length_m, self.scene.head.travelled_m(limit.t_s))
+        radius_m = spiral.curve.b_m * spiral.curve.inward(gone_m)
         why = 'the head reaches the centre' if limit.reason == 'track' else f'the chain locks at link {limit.link}'
         kind = TrackEndError if limit.reason == 'track' else ChainLockError
         return kind(f't_s: {t_s:.9g} s is beyond the end of the scene: {why} at {limit.t_s:.6f} s, with the head at '
@@ -344,7 +288,7 @@ class Simulation:
             return self._reach_m
         run, law, end_s = self.scene.run, self.scene.head, self.end.t_s
         times = (run.start_s, *(t_s for t_s in law.breaks_s if run.start_s < t_s < end_s), end_s)
-        gone = [float(law.travelled_m(t_s)[0]) for t_s in times]
+        gone = [float(law.travelled_m(t_s)) for t_s in times]
         return min(gone), max(gone)
 
     @cached_property
@@ -371,14 +315,14 @@ class Simulation:
         if self.model.placement.section_m == inf or self.is_paper:
             return
         (least, most), step = self.extent_m, 0.5 * self.model.placement.section_m
-        here = 0.0 if self.scene.is_led else float(self.scene.head.travelled_m(self.scene.run.start_s)[0])
+        here = 0.0 if self.scene.is_led else float(self.scene.head.travelled_m(self.scene.run.start_s))
         for sense, end in ((1, most), (-1, least)):
             for gone_m in (here + sense * n * step for n in count()):
                 beyond = sense * (gone_m - end) >= 0
                 if self.model.memory_bytes > _MOST_BYTES_AHEAD:
                     return
                 try:
-                    self.model.placement.build_near(self.model.leader.place((end if beyond else gone_m, 0.0)))
+                    self.model.placement.build_near(self.model.leader.place(end if beyond else gone_m))
                 except ModelEnd:
                     break
                 if beyond:
@@ -393,7 +337,7 @@ class Simulation:
 
     def chain(self, t_s: float) -> Chain:
         """Return the chain at any instant. Raises ModelEnd beyond the end of the model."""
-        if not 0.0 <= t_s <= self._sure_s:
+        if not 0.0 <= t_s <= self._last_s:
             self.check_time(t_s)
         if self.is_paper:
             return paper.place(self.model.track, self.model.links_m, self.scene.steady_m_s, t_s)

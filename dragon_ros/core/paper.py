@@ -60,13 +60,13 @@ def place(track: Track, links_m: Floats, speed_m_s: float, t_s: float) -> PaperC
         radii.append(spiral.b_m * thetas[-1])
     angle, radius = np.array(thetas), np.array(radii)
     p = np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=1)
-    places = np.zeros(angle.shape, dtype=np.int64), angle, np.zeros_like(angle)
+    places = np.zeros(angle.shape, dtype=np.int64), angle
     return PaperChain(read_only(p), links_m, evaluations, track, BEHIND, (MarchedLinks(0, places),))
 
 
 def _head(spiral: SpiralCurve, speed_m_s: float, steps: int) -> tuple[float, float]:
     """Return the angle of the head after a number of Euler steps, and its radius before the last of these steps."""
-    theta = spiral.start.hi
+    theta = spiral.start
     rho = spiral.b_m * theta
     for _ in range(steps):
         rho = spiral.b_m * theta

@@ -16,11 +16,11 @@ Solver = Callable[[Scene, float], Floats]
 def chain_by(next_angle: Callable[[float, float], float], scene: Scene, t_s: float) -> Floats:
     """Return handles (m, shape (N+1, 2)) placed by ``next_angle(theta, chord)``, with the chord in units of b."""
     b = scene.spiral.b_m
-    theta = [compile_scene(scene).model.leader.place(scene.head.travelled_m(t_s)).u.hi]
+    theta = [compile_scene(scene).model.leader.place(scene.head.travelled_m(t_s)).u]
     for link in scene.dragon.link_lengths_m.tolist():
         theta.append(float(next_angle(theta[-1], link / b)))
     angle = np.array(theta)
-    return points(b, angle, np.zeros_like(angle))
+    return points(b, angle)
 
 
 def cosine_rule(theta: float, outer: float, chord: float) -> float:

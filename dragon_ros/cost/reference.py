@@ -162,7 +162,7 @@ def _polished(excess: Callable[[Number], tuple[Number, Number]], u: Number) -> N
 def _places(scene: Scene, t_s: float, way: int, distance: Number, most: int | None = None) -> list[Place]:
     """Return the true places of ``most`` handles, leader first, whose ``distance`` along the track is given (m)."""
     pieces, origins, _ = _track_of(scene)
-    near = [(int(k), mpf(u) + mpf(lo)) for k, u, lo in zip(*state(scene, t_s).places, strict=True)][::-way][:most]
+    near = [(int(k), mpf(float(u))) for k, u in zip(*state(scene, t_s).places, strict=True)][::-way][:most]
     (k, u), *rest = near
     places = [(k, _polished(lambda u: (origins[k] + pieces[k].metres(u) - distance,
                                        pieces[k].way * abs(pieces[k].slope(u))), u))]

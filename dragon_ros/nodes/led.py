@@ -172,7 +172,7 @@ class LedFrames:
 
     def place(self) -> str:
         """Describe the position of the last frame taken."""
-        k, gone_m = max(self.k - 1, 0), float(self._law.reached_m[-1]) if self._law else 0.0
+        k, gone_m = max(self.k - 1, 0), self._law.gone_m if self._law else 0.0
         return f'at {self._t_s(k):.3f} s, tick {k}, {gone_m:.3f} m travelled'
 
     def ending(self) -> str:

@@ -110,7 +110,7 @@ def test_output_goes_to_a_file_on_request(capsys, tmp_path, form):
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [
-    (['table', '--times', '500'], '432.917924'),
+    (['table', '--times', '500'], '432.917923'),
     (['table', '--times', 'noon'], '--times'),
     (['table', '--times', '0:10:0'], '--times'),
     (['table', '--times', '-1'], 'times of a scene begin at 0 s'),

@@ -10,7 +10,7 @@ from dragon_ros.__main__ import main
 COMMANDS = {
     'tabel': 'did you mean table', 'table --time soon': "'soon' is neither a number", 'table --times 0-': 'write '
                                                                                                           '0,60,300',
-    'table --times 500': '432.917924', 'table --handles 300': '0 to 223', 'table --handles 1,,2': 'is neither a number',
+    'table --times 500': '432.917923', 'table --handles 300': '0 to 223', 'table --handles 1,,2': 'is neither a number',
     'table --times 10:0:1': 'step must be positive', 'table --set dragon.benches 5': 'without a space',
     'table --set dragon.benches=-3': 'give at least 1', 'table --set dragon.bench=5': 'did you mean benches',
     'table --set track.pitch_m=0': 'at least 0.01', 'table --scene windig': 'did you mean winding',

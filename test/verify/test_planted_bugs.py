@@ -2,6 +2,7 @@
 import sys
 from dataclasses import replace
 from functools import cached_property, lru_cache
+from math import pi
 
 import numpy as np
 import pytest
@@ -14,7 +15,6 @@ from dragon_ros.core.chain import head_law as head_module
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.geometry import rectangles as benches_module
-from dragon_ros.core.numerics.double_double import from_turns
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search import conservative_advancement, search_domain
 from dragon_ros.core.tracks import composite, s_turn
@@ -43,7 +43,7 @@ def lock(patch):
 
 def start(patch):
     """A head that starts a thousandth of a turn too far in."""
-    patch.setattr(Spiral, 'start', property(lambda self: from_turns(self.start_turns - 1e-3)))
+    patch.setattr(Spiral, 'start', property(lambda self: 2 * pi * (self.start_turns - 1e-3)))
 
 
 def end(patch):
@@ -61,8 +61,8 @@ def stop(patch):
 
 def law_integral(patch):
     """Smooth ramps that are integrated as linear ones."""
-    true = head_module.Profile._gone
-    patch.setattr(head_module.Profile, '_gone', lambda self, t_s: true(replace(self, ramps='linear'), t_s))
+    true = head_module.Legs.travelled_m
+    patch.setattr(head_module.Legs, 'travelled_m', lambda self, t_s: true(replace(self, smooth=False), t_s))
 
 
 def rest_of_a_ramp(patch):
@@ -91,9 +91,9 @@ def order_of_groups(patch):
 
 def side_of_an_arc(patch):
     """Arcs that turn to the wrong side."""
-    true = composite.arc_from
-    patch.setattr(composite, 'arc_from', lambda start, direction, radius_m, side, angle_rad: true(
-        start, direction, radius_m, -side, angle_rad))
+    true = composite.ArcSegment
+    patch.setattr(composite, 'ArcSegment', lambda start, direction, radius_m, side, *ends: true(
+        start, direction, radius_m, -side, *ends))
 
 
 def joint(patch):
@@ -105,9 +105,9 @@ def joint(patch):
 
 def arcs_of_a_turn(patch):
     """An S-turn whose first arc is a thousandth too tight."""
-    true = s_turn.arc_from
-    patch.setattr(s_turn, 'arc_from', lambda start, direction, radius_m, side, angle_rad: true(
-        start, direction, radius_m * (0.999 if side < 0 else 1.0), side, angle_rad))
+    true = s_turn.ArcSegment
+    patch.setattr(s_turn, 'ArcSegment', lambda start, direction, radius_m, side, *ends: true(
+        start, direction, radius_m * (0.999 if side < 0 else 1.0), side, *ends))
 
 
 def width(patch):

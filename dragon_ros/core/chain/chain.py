@@ -123,14 +123,14 @@ class Chain:
 
     @cached_property
     def places(self) -> Places:
-        """Positions of the handles from head to tail: segments and coordinates (hi, lo), each of shape (..., N+1)."""
+        """Positions of the handles from head to tail: segments and coordinates, each of shape (..., N+1)."""
         shape = self.p.shape[:-1]
-        segment, u, lo = np.empty(shape, dtype=np.int64), np.empty(shape), np.empty(shape)
+        segment, u = np.empty(shape, dtype=np.int64), np.empty(shape)
         for part in self.parts:
             some = self.slice_of(part)
-            for out, values in zip((segment, u, lo), part.places(), strict=True):
+            for out, values in zip((segment, u), part.places(), strict=True):
                 out[..., some] = values[..., ::-self.direction]
-        return segment, u, lo
+        return segment, u
 
     @property
     def segment(self) -> Ints:
@@ -141,11 +141,6 @@ class Chain:
     def u(self) -> Floats:
         """Coordinates of the handles on their segments."""
         return self.places[1]
-
-    @property
-    def u_lo(self) -> Floats:
-        """The low parts of ``u``."""
-        return self.places[2]
 
     def slice_of(self, part: PlacedLinks) -> slice:
         """Return the slice of the chain's handles that belongs to a part."""
@@ -231,8 +226,7 @@ class MarchedLink(NamedTuple):
 
     def places(self) -> Places:
         """Return the positions."""
-        (k, u), (k_2, u_2) = self.near, self.far
-        return np.array([k, k_2]), np.array([u.hi, u_2.hi]), np.array([u.lo, u_2.lo])
+        return np.array([self.near.segment, self.far.segment]), np.array([self.near.u, self.far.u])
 
     def headings(self, chain: Chain, out: Floats) -> None:
         """Fill in the unit tangent in the head's direction."""
@@ -241,14 +235,14 @@ class MarchedLink(NamedTuple):
     def _fill(self, chain: Chain, speed: float, out: Floats) -> tuple[int, complex]:
         """Write a velocity along the track; return its index in a flat array, and the unit tangent."""
         at = 2 * (self.start if chain.direction == BEHIND else chain.links_m.size - self.start)
-        heading = chain.track.segments[self.near.segment].heading(*self.near.u)
+        heading = chain.track.segments[self.near.segment].heading(self.near.u)
         out[at], out[at + 1] = speed * heading.real, speed * heading.imag
         return at, heading
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
         """Fill in the velocity."""
         at, one = self._fill(chain, speed, out)
-        two = chain.track.segments[self.far.segment].heading(*self.far.u)
+        two = chain.track.segments[self.far.segment].heading(self.far.u)
         p, following = chain.p, at - 2 * chain.direction
         x, y = p.item(at) - p.item(following), p.item(at + 1) - p.item(following + 1)
         return speed * (x * one.real + y * one.imag) / (x * two.real + y * two.imag)
@@ -260,10 +254,10 @@ def marched(track: Track, links_m: Floats, leader: Place, direction: int) -> Cha
     On a single spiral, all handles are solved simultaneously (``together``), which is faster for long chains. Raises
     the same errors as ``forward``.
     """
-    one = np.array([leader.segment]), np.array([leader.u.hi]), np.array([leader.u.lo])
+    one = np.array([leader.segment]), np.array([leader.u])
     if len(track.segments) == 1 and (found := together(track, links_m[:, None], one, direction)):
-        (segment, u, lo), spent = found
-        return chain_of(track, links_m, direction, (segment[:, 0], u[:, 0], lo[:, 0]), spent)
+        (segment, u), spent = found
+        return chain_of(track, links_m, direction, (segment[:, 0], u[:, 0]), spent)
     handles = forward(track, in_order(links_m, direction), leader, direction)
     return chain_of(track, links_m, direction, arrays_of(handles), handles.evaluations)
 
@@ -279,7 +273,7 @@ def marched_many(track: Track, links_m: Floats, leaders: Places, direction: int)
     else:
         rows, spent = together(track, links_m.T, leaders, direction) or row_by_row(
             track, blocks_of(links_m, direction), leaders, direction)
-    return chain_of(track, links_m, direction, (rows[0].T, rows[1].T, rows[2].T), spent)
+    return chain_of(track, links_m, direction, (rows[0].T, rows[1].T), spent)
 
 
 def chain_of(track: Track, links_m: Floats, direction: int, handles: Places, evaluations: int) -> Chain:
@@ -290,14 +284,14 @@ def chain_of(track: Track, links_m: Floats, direction: int, handles: Places, eva
 
 def arrays_of(handles: Handles) -> Places:
     """Return the handles as arrays."""
-    return np.array(handles.segment), np.array(handles.u), np.array(handles.lo)
+    return np.array(handles.segment), np.array(handles.u)
 
 
 def stack(chains: Sequence[Chain], count: int | None = None) -> Chain:
     """Stack all or the first ``count`` chains of one dragon into one chain with a leading axis, which may be empty."""
     first = chains[0]
-    segment, u, lo = (np.stack(values)[:count, ..., ::-first.direction]
-                      for values in zip(*(one.places for one in chains), strict=True))
+    segment, u = (np.stack(values)[:count, ..., ::-first.direction]
+                  for values in zip(*(one.places for one in chains), strict=True))
     p = read_only(np.stack([one.p for one in chains])[:count])
     return type(first)(p, first.links_m, sum(one.evaluations for one in chains), first.track, first.direction,
-                       (MarchedLinks(0, (segment, u, lo)),))
+                       (MarchedLinks(0, (segment, u)),))

@@ -1,25 +1,21 @@
 """A leader that is commanded externally: its settings, its next allowed speed, and the law that it has followed.
 
 The leader's speed is linear between ticks. The speeds at the ticks are recorded. They determine the distance travelled
-at each tick exactly (in rational arithmetic), as a profile with the same knots would. A recording of the speeds is
-therefore sufficient to reproduce every handle bit for bit.
+at each tick as a profile with the same knots does, to the last bit. A recording of the speeds is therefore sufficient
+to reproduce every handle bit for bit.
 """
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
 from math import copysign, inf, sqrt
 from typing import Any, NoReturn
 
-import numpy as np
-
-from dragon_ros.core.chain.head_law import Head, Knot, Profile, check_lead, ramp, ramp_m
+from dragon_ros.core.chain.head_law import Head, Knot, Legs, Profile, Reached, arrived, check_lead
 from dragon_ros.core.checks import number, settle
 from dragon_ros.core.domain import SPEED
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.numerics.exact_polynomial import ExactPolynomial
 
 SHORT_M = 0.01  # smallest distance that the leader keeps from an end of the track, or from a lock, where speeds diverge
 
@@ -50,7 +46,7 @@ class Commanded:
         """Raise FieldError, because speeds are unknown before the run."""
         _unknown()
 
-    def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
+    def travelled_m(self, t_s: Any) -> Any:
         """Raise FieldError, because the distance travelled is known only from the bag of a run."""
         _unknown()
 
@@ -84,12 +80,21 @@ def _unknown() -> NoReturn:
 class Walked:
     """The law of a commanded leader up to the last tick; ``knots`` holds the most recent pairs (t_s, speed_m_s).
 
-    ``reached_m`` holds the exact distance travelled at each knot. The leader is at rest before the first knot.
+    ``reached`` holds the distance travelled at each knot (see ``Legs``). The leader is at rest before the first knot.
     """
 
     settings: Commanded
-    knots: tuple[tuple[float, float], ...]
-    reached_m: tuple[Fraction, ...] = (Fraction(0),)
+    knots: tuple[Knot, ...]
+    reached: tuple[Reached, ...] = ((0.0, 0.0),)
+
+    @cached_property
+    def _legs(self) -> Legs:
+        return Legs(self.knots, self.reached)
+
+    @property
+    def gone_m(self) -> float:
+        """The distance travelled at the last knot, in metres."""
+        return self.reached[-1][0]
 
     @property
     def lead(self) -> str:
@@ -103,30 +108,18 @@ class Walked:
 
     def walked_on(self, t_s: float, speed_m_s: float, keep_s: float = 0.0) -> 'Walked':
         """Return the law with one more knot; knots older than ``keep_s`` seconds are dropped."""
-        new = t_s, speed_m_s
-        reached_m = self.reached_m[-1] + ramp_m(self.knots[-1], new)
-        first = max(0, bisect_right(self.knots, (t_s - keep_s, inf)) - 1)
-        return Walked(self.settings, (*self.knots[first:], new), (*self.reached_m[first:], reached_m))
+        new, knots = (t_s, speed_m_s), self.knots[:-1] if _is_redundant(self.knots, speed_m_s) else self.knots
+        reached = arrived(self.reached[len(knots) - 1], knots[-1], new)
+        first = max(0, bisect_right(knots, (t_s - keep_s, inf)) - 1)
+        return Walked(self.settings, (*knots[first:], new), (*self.reached[first:len(knots)], reached))
 
-    def _ramp_at(self, t_s: float) -> tuple[ExactPolynomial, ...]:
-        """Return distance, speed and acceleration on the ramp that contains ``t_s``, as polynomials in time."""
-        n = max(0, bisect_right(self.knots, (t_s, inf)) - 1)
-        return ramp(self.knots[n:n + 2], self.reached_m[n]) if n + 1 < len(self.knots) else self._from_the_last_on
-
-    @cached_property
-    def _from_the_last_on(self) -> tuple[ExactPolynomial, ...]:
-        return ramp(self.knots[-1:], self.reached_m[-1])
-
-    def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
-        """Return the arc length that the leader has travelled by ``t_s`` (one time or many), as (hi, lo)."""
-        if isinstance(t_s, np.ndarray):
-            gone = np.array([self.travelled_m(t) for t in t_s.tolist()], dtype=np.float64).reshape(-1, 2)
-            return gone[:, 0], gone[:, 1]
-        return self._ramp_at(t_s)[0].halves_at(t_s)
+    def travelled_m(self, t_s: Any) -> Any:
+        """Return the arc length (m) that the leader has travelled by ``t_s`` (one time or many)."""
+        return self._legs.travelled_m(t_s)
 
     def speed_at_m_s(self, t_s: float) -> float:
         """Return the leader's speed at a tick, or on the ramp between two ticks."""
-        return self._ramp_at(t_s)[1].at(t_s)
+        return self._legs.speed_m_s(t_s)
 
     def acceleration_at_m_s2(self, t_s: float) -> float:
         """Return the rate of change (m/s^2) of the leader's speed; at a tick, the rate just before the tick."""
@@ -185,7 +178,7 @@ def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, fl
     The direction is -1 (backwards), 1 (forwards), or 0 if the leader need not brake. ``ends_m`` holds the limits of
     travel backwards and forwards (m); a missing limit is infinite. Knots older than ``keep_s`` seconds are dropped.
     """
-    (before_s, speed), gone_m = law.knots[-1], float(law.reached_m[-1])
+    (before_s, speed), gone_m = law.knots[-1], law.gone_m
     step = law.settings, speed, wanted_m_s, t_s - before_s
     free, walked = next_speed_m_s(*step, (inf, inf)), next_speed_m_s(*step, (gone_m - ends_m[0], ends_m[1] - gone_m))
     return law.walked_on(t_s, walked, keep_s), 0 if walked == free else 1 if free > 0 else -1
@@ -194,19 +187,24 @@ def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, fl
 def profile_of(settings: Commanded, walked: Iterable[tuple[float, float]]) -> Profile:
     """Return a profile with the pairs (t_s, speed_m_s) of the ticks; its distances are bit-identical to those walked.
 
-    A knot with the same speed as both its neighbours is redundant and is omitted. Raises FieldError if too many knots
+    Redundant knots are omitted. Raises FieldError if too many knots
     remain.
     """
     knots = [(0.0, 0.0)]
     for t_s, speed_m_s in walked:
         if t_s == knots[-1][0]:
             continue
-        if len(knots) > 1 and knots[-2][1] == knots[-1][1] == speed_m_s:
+        if _is_redundant(knots, speed_m_s):
             knots.pop()
         knots.append((t_s, speed_m_s))
     return Profile(tuple(knots), 'linear', settings.lead)
 
 
+def _is_redundant(knots: Sequence[Knot], speed_m_s: float) -> bool:
+    """Return whether the last knot has the same speed as the knot before it and the next knot."""
+    return len(knots) > 1 and knots[-2][1] == knots[-1][1] == speed_m_s
+
+
 def _rate(knots: Sequence[Knot]) -> float:
-    _, _, acceleration = ramp(knots, Fraction(0))
-    return acceleration.constant
+    (t_s, speed), (end_s, then) = knots[0], knots[-1]
+    return (then - speed) / (end_s - t_s) if end_s > t_s else 0.0

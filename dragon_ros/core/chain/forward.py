@@ -6,17 +6,16 @@ tracks of several segments.
 """
 from collections.abc import Callable
 from itertools import pairwise
-from math import inf, pi
+from math import pi
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from dragon_ros.core.errors import ChainLockError, TrackEndError
-from dragon_ros.core.numerics.double_double import DoubleDouble, plus, product
 from dragon_ros.core.numerics.types import Array, Floats, Ints, distinct
 from dragon_ros.core.tracks.composite import Place, Places, Track
-from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Past
-from dragon_ros.core.tracks.spiral import TIGHT, SpiralSegment, corrections
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND, NEW, Past
+from dragon_ros.core.tracks.spiral import TIGHT, SpiralSegment, newton_steps
 
 FEWEST_ROWS = 8        # minimum number of rows of handles for simultaneous placement
 _AT_ONCE = 2**14        # number of handles whose intermediate results fit in the cache
@@ -35,16 +34,15 @@ class Block(NamedTuple):
 
 
 class Handles(NamedTuple):
-    """Handles at one instant, in order from the leader: segments, coordinates (hi, lo) and the evaluation count."""
+    """Handles at one instant, in order from the leader: segments, coordinates and the evaluation count."""
 
     segment: list[int]
     u: list[float]
-    lo: list[float]
     evaluations: int
 
     def place(self, n: int) -> Place:
         """Return the position of one handle."""
-        return Place(self.segment[n], DoubleDouble(self.u[n], self.lo[n]))
+        return Place(self.segment[n], self.u[n])
 
 
 def blocks_of(links_m: Floats, direction: int) -> tuple[Block, ...]:
@@ -73,26 +71,24 @@ def forward(track: Track, links_m: list[float], leader: Place, direction: int, f
     too short.
     """
     k, u = leader
-    segments, us, lows, spent, i = [k], [u.hi], [u.lo], 0, 0
+    segments, us, spent, i = [k], [u], 0, 0
     while i < len(links_m):
         left_m = links_m[i:]
-        highs, los, more = track.segments[k].march(u, left_m, direction, track.edge(k, max(left_m), direction))
-        segments += [k] * len(highs)
-        us += highs
-        lows += los
+        found, more = track.segments[k].march(u, left_m, direction, track.edge(k, max(left_m), direction))
+        segments += [k] * len(found)
+        us += found
         spent += more
-        i += len(highs)
+        i += len(found)
         if i < len(links_m):
-            u = DoubleDouble(us[-1], lows[-1])
+            u = us[-1]
             if direction == BEHIND and k == 0 and track.from_afar:
-                raise locked(track, first + i, u.hi, links_m[i])
+                raise locked(track, first + i, u, links_m[i])
             (k, u), more = track.across(Place(k, u), links_m[i], direction)
             segments.append(k)
-            us.append(u.hi)
-            lows.append(u.lo)
+            us.append(u)
             spent += more
             i += 1
-    return Handles(segments, us, lows, spent)
+    return Handles(segments, us, spent)
 
 
 def locked(track: Track, link: int, theta: float, link_m: float) -> ChainLockError:
@@ -117,7 +113,7 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
     """
     if not settle and blocks and (found := together(track, _links_of(blocks), leaders, direction)):
         return found
-    if settle or len(track.segments) == 1:
+    if settle or (len(track.segments) == 1 and isinstance(track.segments[0], SpiralSegment)):
         return row_by_row(track, blocks, leaders, direction, settle)
     return by_segment(track, blocks, leaders, direction)
 
@@ -131,13 +127,12 @@ def _links_of(blocks: tuple[Block, ...]) -> Floats:
 def row_by_row(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int,
                settle: Callable[[Places], Places] | None = None) -> tuple[Places, int]:
     """Return the result of ``forward_many``, computed handle by handle with one array per row."""
-    rows, spent = [leaders], 0
+    rows, spent, past = [leaders], 0, NEW
     for block in blocks:
-        past: list[Floats] = []
+        past = Past((), past.rest)
         for i in range(block.start, block.stop):
             try:
-                following, square, more = next_places(track, rows[-1], block.link_m, direction,
-                                                      Past(*past) if past[2:] else None)
+                following, past, more = next_places(track, rows[-1], block.link_m, direction, past)
             except ChainLockError as error:
                 theta = error.fields['theta_rad']
                 link_m = np.broadcast_to(block.link_m, rows[-1][1].shape)[rows[-1][1] == theta]
@@ -146,7 +141,6 @@ def row_by_row(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
                 if settle:
                     return _stacked(rows), spent
                 raise
-            past = [] if square is None else [square, *past[:2]]
             rows.append(settle(following) if settle else following)
             spent += more
     return _stacked(rows), spent
@@ -164,7 +158,7 @@ def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
     equal lengths of the track, so all handles there are computed directly.
     """
     size, (first, stop) = leaders[1].size, (blocks[0].start, blocks[-1].stop) if blocks else (0, 0)
-    rows: Places = np.empty((stop + 1, size), dtype=np.int64), *np.empty((2, stop + 1, size))    # from ``first`` on
+    rows: Places = np.empty((stop + 1, size), dtype=np.int64), np.empty((stop + 1, size))     # from ``first`` on
     at, spent, ahead = np.full(size, first), 0, min if direction == AHEAD else max
     if starts is not None:
         at += starts
@@ -176,7 +170,7 @@ def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
             k = ahead(track.present(number))        # no leader enters this segment later
             through = _on_curve if isinstance(track.segments[k], SpiralSegment) else _evenly
             spent += through(track, k, rows, at, left[number == k], block, direction)
-    return (rows[0][first:], rows[1][first:], rows[2][first:]), spent
+    return (rows[0][first:], rows[1][first:]), spent
 
 
 def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block, direction: int) -> int:
@@ -184,39 +178,36 @@ def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block
 
     ``at`` (M,) holds the rows of the last handles placed so far and is updated.
     """
-    u, lo = rows[1][at[on], on], rows[2][at[on], on]
+    u = rows[1][at[on], on]
     edge, left = track.edge(k, block.link_m, direction), block.stop - at[on]
-    step = float(track.segments[k].shifts(u[:1], block.link_m, direction, None)[0][0])
+    step = float(track.segments[k].shifts(u[:1], block.link_m, direction)[0][0])
     most = np.minimum(left, (edge - u) / step + 1)
     steps = 1.0 + np.arange(int(np.max(most)))[:, None]
-    high, low = u, lo
-    for part in product(steps, step):
-        high, low = plus(high, low, part)
-    stays = (steps <= left) & (np.minimum(u, edge) <= high) & (high <= np.maximum(u, edge))
+    placed_at = u + steps * step
+    stays = (steps <= left) & (np.minimum(u, edge) <= placed_at) & (placed_at <= np.maximum(u, edge))
     row, column = np.nonzero(stays)
     there = at[on[column]] + row + 1, on[column]
-    rows[0][there], rows[1][there], rows[2][there] = k, high[stays], low[stays]
+    rows[0][there], rows[1][there] = k, placed_at[stays]
     at[on] += np.count_nonzero(stays, axis=0)
     return _across(track, k, rows, at, on[at[on] < block.stop], block, direction)
 
 
 def _on_curve(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block, direction: int) -> int:
     """Place handles on a spiral, link by link (``_evenly`` places all handles on a line or an arc together)."""
-    spent, past = 0, list[Floats]()
+    spent, past = 0, NEW
     while on.size:
-        here = rows[0][at[on], on], rows[1][at[on], on], rows[2][at[on], on]
+        here = rows[1][at[on], on]
         try:
-            (u, lo), stays, square, more = _stepped(track, k, here, block.link_m, direction,
-                                                    Past(*past) if past[2:] else None)
+            u, stays, past, more = _stepped(track, k, here, block.link_m, direction, past)
         except ChainLockError as error:
             theta = error.fields['theta_rad']
-            raise locked(track, int(at[on[here[1] == theta][0]]), theta, block.link_m) from None
-        over, past, on = on[~stays], [each[stays] for each in (square, *past[:2])], on[stays]
+            raise locked(track, int(at[on[here == theta][0]]), theta, block.link_m) from None
+        over, past, on = on[~stays], past.some(stays), on[stays]
         at[on] += 1
-        rows[0][at[on], on], rows[1][at[on], on], rows[2][at[on], on] = k, u[stays], lo[stays]
+        rows[0][at[on], on], rows[1][at[on], on] = k, u[stays]
         spent += more + _across(track, k, rows, at, over, block, direction)
         goes = at[on] < block.stop
-        past, on = [each[goes] for each in past], on[goes]
+        past, on = past.some(goes), on[goes]
     return spent
 
 
@@ -224,7 +215,7 @@ def _across(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block
     """Place one handle beyond segment k for each leader in ``on``."""
     if not on.size:
         return 0
-    found, spent = track.across_many(k, (rows[1][at[on], on], rows[2][at[on], on]), block.link_m, direction)
+    found, spent = track.across_many(k, rows[1][at[on], on], block.link_m, direction)
     at[on] += 1
     for out, values in zip(rows, found, strict=True):
         out[at[on], on] = values
@@ -239,35 +230,35 @@ def together(track: Track, links_m: Floats, leaders: Places, direction: int) -> 
     leaders on a spiral that winds in from infinity, unless handles almost turn back. Links are given in order from the
     leader, with shape (N, 1) if all chains have the same links, and shape (N, M) otherwise.
     """
-    (number, begin, begin_lo), spiral = leaders, track.from_afar
+    (number, begin), spiral = leaders, track.from_afar
     if direction != BEHIND or not spiral or np.any(number):
         return None
-    if not 0 < begin.size <= _MOST_LEADERS or len(links_m) < FEWEST_ROWS or not np.all(links_m):
+    if not 0 < begin.size <= _MOST_LEADERS or len(links_m) < FEWEST_ROWS:
         return None
-    found = placed(spiral, (begin, begin_lo), links_m / spiral.curve.b_m)
-    return ((np.broadcast_to(number, found[0].shape), *found[:2]), found[2]) if found else None
+    found = placed(spiral, begin, links_m / spiral.curve.b_m)
+    return ((np.broadcast_to(number, found[0].shape), found[0]), found[1]) if found else None
 
 
-def placed(spiral: SpiralSegment, begin: tuple[Floats, Floats], chords: Floats) -> tuple[Floats, Floats, int] | None:
-    """Return the handles (L+1, M) behind the first handles (M,) on a spiral as (hi, lo), and the number of evaluations.
+def placed(spiral: SpiralSegment, begin: Floats, chords: Floats) -> tuple[Floats, int] | None:
+    """Return the handles (L+1, M) behind the first handles (M,) on a spiral, and the number of evaluations.
 
     Chords (L, M), or (L, 1) for all chains, are in units of b. Rows are solved simultaneously, in groups whose
     intermediate results fit in the cache. The result is None if handles must be placed row by row.
     """
-    sign, some = 1.0 if spiral.way == BEHIND else -1.0, max(FEWEST_ROWS, _AT_ONCE // begin[0].size)
-    (u, lo), spent, rows = begin, 0, [begin]
+    sign, some = 1.0 if spiral.way == BEHIND else -1.0, max(FEWEST_ROWS, _AT_ONCE // begin.size)
+    u, spent, rows = begin, 0, [begin[None]]
     for first in range(0, len(chords), some):
         these = chords[first:first + some]
-        guess = _guessed(u, lo, these, sign)
-        part = _refined(spiral, *guess, these) if guess else None
+        guess = _guessed(u, these, sign)
+        part = None if guess is None else _refined(spiral, guess, these)
         if part is None:
             return None
-        rows.append((part[0][1:], part[1][1:]))
-        u, lo, spent = part[0][-1], part[1][-1], spent + part[2]
-    return np.vstack([each for each, _ in rows]), np.vstack([each for _, each in rows]), spent
+        rows.append(part[0][1:])
+        u, spent = part[0][-1], spent + part[1]
+    return np.vstack(rows), spent
 
 
-def _guessed(begin: Floats, begin_lo: Floats, chords: Floats, sign: float) -> tuple[Floats, Floats] | None:
+def _guessed(begin: Floats, chords: Floats, sign: float) -> Floats | None:
     """Return approximate handles (L+1, M) behind the first handles (M,), outwards (sign 1.0) or inwards (-1.0).
 
     The arc from one handle to the next is about chord + chord^3 / 24 r^2. Over these arcs, the squares of polar
@@ -280,93 +271,85 @@ def _guessed(begin: Floats, begin_lo: Floats, chords: Floats, sign: float) -> tu
     grown = grown + sign * np.cumsum(chords**3 / (12 * (squares + grown)), axis=0) - 0.5 * np.log1p(grown / squares)
     if np.min(squares + grown) < _FAR_RAD**2:
         return None
-    u, lo = plus(begin, begin_lo, grown / (begin + np.sqrt(squares + grown)))
-    return np.concatenate((begin[None], u)), np.concatenate((begin_lo[None], lo))
+    return np.concatenate((begin[None], begin + grown / (begin + np.sqrt(squares + grown))))
 
 
-def _refined(spiral: SpiralSegment, u: Floats, lo: Floats, chords: Floats) -> tuple[Floats, Floats, int] | None:
+def _refined(spiral: SpiralSegment, u: Floats, chords: Floats) -> tuple[Floats, int] | None:
     """Refine guessed rows (R+1, M) of handles until they are ``chords`` apart; return them and the evaluation count.
 
-    The rows are returned as (hi, lo). The chords (R, M) are in units of b. A single row is too small for efficient
-    array operations, so Newton's method is applied to all rows at once. If e is the Newton step of a link and a is the
-    slope of the map from row to row, errors satisfy d' = a d + e; this recurrence is solved with a cumulative product
-    and a cumulative sum. The result is None if the method does not converge, leaves the spiral, or does not find the
-    nearest positions.
+    The chords (R, M) are in units of b. A single row is too small for efficient array operations, so Newton's method
+    is applied to all rows at once. If e is the Newton step of a link and a is the slope of the map from row to row,
+    errors satisfy d' = a d + e; this recurrence is solved with a cumulative product and a cumulative sum. The result
+    is None if the method does not converge, leaves the spiral, or does not find the nearest positions.
     """
     low, high = min(spiral.first, spiral.last), max(spiral.first, spiral.last)
     for rounds in range(1, _NEWTON_STEPS):
-        step = _differences(u, lo)
+        step = np.diff(u, axis=0)
         if np.min(step * step.flat[0]) <= 0 or np.max(np.abs(step)) >= pi:
             return None
-        error, slope = corrections(u[:-1], step, chords)
+        error, phi, s = newton_steps(u[:-1], step, chords)
+        slope = 1 - 2 * (u[:-1] + u[1:]) * s * s / phi      # d u[1:] / d u[:-1]
         if np.min(slope) < _STEEP:
             return None
         grown = np.cumprod(slope, axis=0)
         change = grown * np.cumsum(error / grown, axis=0)
-        u[1:], lo[1:] = plus(u[1:], lo[1:], change)
+        u[1:] -= change
         if not np.all((low <= u) & (u <= high)):
             return None
         if np.max(np.abs(change) * u[1:] / chords) <= 0.5 * TIGHT:
-            return (u, lo, rounds * step.size) if spiral.reaches_once(u[:-1], step) else None
+            return (u, rounds * step.size) if spiral.reaches_once(u[:-1], step) else None
     return None
 
 
-def _differences(u: Floats, lo: Floats) -> Floats:
-    """Return the differences between successive rows, given as (hi, lo)."""
-    return (u[1:] - u[:-1]) + (lo[1:] - lo[:-1])
-
-
 def _stacked(rows: list[Places]) -> Places:
-    segment, u, lo = (np.array(values) for values in zip(*rows, strict=True))
-    return segment, u, lo
+    segment, u = (np.array(values) for values in zip(*rows, strict=True))
+    return segment, u
 
 
 def next_places(track: Track, places: Places, chord_m: float, direction: int,
-                past: Past | None = None) -> tuple[Places, Floats | None, int]:
-    """Return the next positions behind or ahead of given positions, the predictor's state, and the evaluation count.
+                past: Past = NEW) -> tuple[Places, Past, int]:
+    """Return the next positions behind or ahead of given positions, what is known of them, and the evaluation count.
 
-    The state is None unless all positions are on one segment. Raises TrackEndError if the track is too short for a
+    Nothing is known unless all positions are on one segment. Raises TrackEndError if the track is too short for a
     link, and ChainLockError with its ``theta_rad`` if a link locks.
     """
-    number, u, lo = places
+    number, u = places
     if not number.size:
-        return places, None, 0
+        return places, NEW, 0
     numbers = track.present(number)
     if len(numbers) == 1:
         return _next_on_one(track, numbers[0], places, chord_m, direction, past)
-    number, u, lo, spent = number.copy(), u.copy(), lo.copy(), 0
+    number, u, spent = number.copy(), u.copy(), 0
     for k in numbers:
         on = np.flatnonzero(places[0] == k)
-        found, _, more = _next_on_one(track, k, (number[on], u[on], lo[on]), chord_m, direction, None)
-        number[on], u[on], lo[on] = found
+        (number[on], u[on]), _, more = _next_on_one(track, k, (number[on], u[on]), chord_m, direction, NEW)
         spent += more
-    return (number, u, lo), None, spent
+    return (number, u), NEW, spent
 
 
 def _next_on_one(track: Track, k: int, places: Places, chord_m: float, direction: int,
-                 past: Past | None) -> tuple[Places, Floats | None, int]:
+                 past: Past) -> tuple[Places, Past, int]:
     """Return the result of ``next_places`` for positions that are all on one segment."""
-    number, u, lo = places
-    (high, low), stays, square, spent = _stepped(track, k, places, chord_m, direction, past)
+    number, u = places
+    following, stays, past, spent = _stepped(track, k, u, chord_m, direction, past)
     if np.all(stays):
-        return (number, high, low), square, spent
+        return (number, following), past, spent
     over, number = np.flatnonzero(~stays), number.copy()
-    (number[over], high[over], low[over]), more = track.across_many(k, (u[over], lo[over]), chord_m, direction)
-    return (number, high, low), None, spent + more
+    (number[over], following[over]), more = track.across_many(k, u[over], chord_m, direction)
+    return (number, following), NEW, spent + more
 
 
-def _stepped(track: Track, k: int, places: Places, chord_m: float, direction: int,
-             past: Past | None) -> tuple[tuple[Floats, Floats], Array, Floats, int]:
-    """Return the next positions (hi, lo), whether each is on segment k, the predictor's state and the evaluation count.
+def _stepped(track: Track, k: int, u: Floats, chord_m: float, direction: int,
+             past: Past) -> tuple[Floats, Array, Past, int]:
+    """Return the next positions, whether each is on segment k, what is known of them, and the evaluation count.
 
     If there is no next position, the position itself is returned.
     """
-    segment, (_, u, lo), edge = track.segments[k], places, track.edge(k, chord_m, direction)
+    segment, edge = track.segments[k], track.edge(k, chord_m, direction)
     shift, spent = segment.shifts(u, chord_m, direction, past)
-    if edge == inf:         # no position leaves a segment that is unbounded outwards
-        return plus(u, lo, shift), np.ones(u.shape, dtype=bool), segment.squares(u, shift), spent
     found = np.isfinite(shift)
     shift = np.where(found, shift, 0.0)
-    high, low = plus(u, lo, shift)
-    stays: Array = found & (np.minimum(u, edge) <= high) & (high <= np.maximum(u, edge))
-    return (high, low), stays, segment.squares(u, shift), spent
+    change = shift + past.rest
+    following = u + change
+    stays: Array = found & (np.minimum(u, edge) <= following) & (following <= np.maximum(u, edge))
+    return following, stays, Past((segment.squares(u, shift), *past.squares[:2]), change - (following - u)), spent

@@ -7,10 +7,9 @@ ahead of the next handle towards the tail.
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
-from fractions import Fraction
 from functools import cached_property
-from itertools import accumulate, pairwise
-from math import isfinite
+from itertools import pairwise
+from math import inf, isfinite
 from typing import Any
 
 import numpy as np
@@ -18,14 +17,14 @@ import numpy as np
 from dragon_ros.core.checks import Settings, number, settle
 from dragon_ros.core.domain import KNOTS, SPEED, TIME
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.numerics.double_double import product
-from dragon_ros.core.numerics.exact_polynomial import ExactPolynomial
 from dragon_ros.core.numerics.roots import bracketed_newton
+from dragon_ros.core.numerics.types import Floats
 
 LEADERS = ('head', 'tail')
 RAMPS = ('linear', 'smooth')
 
 Knot = tuple[float, float]      # (time in s, speed in m/s)
+Reached = tuple[float, float]   # (distance in m, what rounding has left out of it)
 
 
 @dataclass(frozen=True)
@@ -45,9 +44,9 @@ class Head:
         """Times between which the speed is monotone and does not change sign."""
         return []
 
-    def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
-        """Return the arc length that the leader has travelled by ``t_s`` (one time or many), as (hi, lo)."""
-        return product(self.speed_m_s, t_s)
+    def travelled_m(self, t_s: Any) -> Any:
+        """Return the arc length (m) that the leader has travelled by ``t_s`` (one time or many)."""
+        return self.speed_m_s * t_s
 
     def speed_at_m_s(self, t_s: float) -> float:
         """Return the leader's speed."""
@@ -74,13 +73,69 @@ class Head:
         return min(0.0, gone), max(0.0, gone)
 
 
+@dataclass(frozen=True, eq=False)
+class Legs:
+    """Knots with the distances reached there, and ramps between them; the last speed is maintained.
+
+    Each distance is a sum (m) and what rounding has left out of it (Kahan), so thousands of legs add up without error.
+    At a knot, the legs before and after it yield the same bits.
+    """
+
+    knots: Sequence[Knot]
+    reached: Sequence[Reached]
+    smooth: bool = False
+
+    def _leg(self, t_s: float) -> tuple[float, ...]:
+        """Return the leg from the knot at or before a time: its time, distance, speed, duration and change of speed."""
+        n = max(bisect_right(self.knots, (t_s, inf)) - 1, 0)
+        (begin_s, speed), (end_s, then) = self.knots[n], self.knots[min(n + 1, len(self.knots) - 1)]
+        return begin_s, *self.reached[n], speed, end_s - begin_s or 1.0, then - speed
+
+    @cached_property
+    def _legs(self) -> tuple[Floats, Floats]:
+        """The times of the knots (K,), and the values (6, K) of the legs from them on."""
+        times = np.array([t_s for t_s, _ in self.knots])
+        return times, np.array([self._leg(t_s) for t_s in times.tolist()]).T
+
+    def travelled_m(self, t_s: Any) -> Any:
+        """Return the distance travelled by a time (one or many)."""
+        leg: Any
+        if isinstance(t_s, np.ndarray):
+            times, legs = self._legs
+            leg = legs[:, np.maximum(np.searchsorted(times, t_s, side='right') - 1, 0)]
+        else:
+            leg = self._leg(t_s)
+        begin_s, reached_m, rest_m, speed, duration_s, change = leg
+        since_s = t_s - begin_s
+        x = since_s / duration_s
+        return reached_m + (rest_m + since_s * (speed + change * (x * x * (1 - 0.5 * x) if self.smooth else 0.5 * x)))
+
+    def speed_m_s(self, t_s: float) -> float:
+        """Return the speed; at a jump, the speed after the jump."""
+        begin_s, _, _, speed, duration_s, change = self._leg(t_s)
+        x = (t_s - begin_s) / duration_s
+        return speed + change * (x * x * (3 - 2 * x) if self.smooth else x)
+
+    def acceleration_m_s2(self, t_s: float, from_s: float | None = None) -> float:
+        """Return the rate of change of the speed at a time, on the leg that begins at or before ``from_s`` if given."""
+        begin_s, _, _, _, duration_s, change = self._leg(t_s if from_s is None else from_s)
+        x = (t_s - begin_s) / duration_s
+        return change / duration_s * (6 * x * (1 - x) if self.smooth else 1.0)
+
+
+def arrived(reached: Reached, one: Knot, two: Knot) -> Reached:
+    """Return the distance reached at a knot from that at the knot before; the mean speed is that of both ends."""
+    way = reached[1] + (two[0] - one[0]) * (one[1] + (two[1] - one[1]) * 0.5)
+    total = reached[0] + way
+    return total, way - (total - reached[0])
+
+
 @dataclass(frozen=True)
 class Profile(Settings):
     """Speed over time, given by ``knots`` (t_s, speed_m_s) with ``ramps`` between them; the last speed is maintained.
 
     A ramp is ``linear`` or ``smooth``. A smooth ramp is v0 + (v1 - v0) (3 x^2 - 2 x^3), with zero acceleration at
-    both ends. Two knots at the same time define a jump. Distances are the exact integrals, computed in rational
-    arithmetic and rounded once.
+    both ends. Two knots at the same time define a jump. Distances are integrals.
     """
 
     knots: tuple[tuple[float, float], ...]
@@ -106,39 +161,19 @@ class Profile(Settings):
         return [t_s for t_s, _ in self.knots]
 
     @cached_property
-    def _reached(self) -> list[Fraction]:
-        """Distance at each knot."""
-        return [*accumulate((ramp_m(*pair) for pair in pairwise(self.knots)), initial=Fraction(0))]
+    def _legs(self) -> Legs:
+        reached: list[Reached] = [(0.0, 0.0)]
+        for one, two in pairwise(self.knots):
+            reached.append(arrived(reached[-1], one, two))
+        return Legs(self.knots, reached, self.ramps == 'smooth')
 
-    def _knot_before(self, t_s: float) -> int:
-        return bisect_right(self._times, t_s) - 1
-
-    def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
-        """Return the arc length that the leader has travelled by ``t_s`` (one time or many), as (hi, lo)."""
-        if isinstance(t_s, np.ndarray):
-            gone = np.array([self._gone(t) for t in t_s.tolist()], dtype=np.float64).reshape(-1, 2)
-            return gone[:, 0], gone[:, 1]
-        return self._gone(t_s)
-
-    def _gone(self, t_s: float) -> tuple[float, float]:
-        return self._polynomials_at(t_s)[0].halves_at(t_s)
+    def travelled_m(self, t_s: Any) -> Any:
+        """Return the arc length (m) that the leader has travelled by ``t_s`` (one time or many)."""
+        return self._legs.travelled_m(t_s)
 
     def speed_at_m_s(self, t_s: float) -> float:
         """Return the leader's speed; at a jump, the speed after the jump."""
-        return self._polynomials_at(t_s)[1].at(t_s)
-
-    def _polynomials_at(self, t_s: float) -> tuple[ExactPolynomial, ...]:
-        """Return distance, speed and acceleration from the knot before ``t_s`` to the next, as polynomials in time."""
-        n = self._knot_before(t_s)
-        return self._polynomials.get(n) or self._polynomials_from(n)
-
-    @cached_property
-    def _polynomials(self) -> dict[int, tuple[ExactPolynomial, ...]]:
-        return {}
-
-    def _polynomials_from(self, n: int) -> tuple[ExactPolynomial, ...]:
-        out = self._polynomials[n] = ramp(self.knots[n:n + 2], self._reached[n], self.ramps == 'smooth')
-        return out
+        return self._legs.speed_m_s(t_s)
 
     def speed_before_m_s(self, t_s: float) -> float:
         """Return the leader's speed just before a time; at a jump, the speed before the jump."""
@@ -147,18 +182,14 @@ class Profile(Settings):
 
     def acceleration_at_m_s2(self, t_s: float) -> float:
         """Return the rate of change (m/s^2) of the leader's speed; at a knot, the rate just after the knot."""
-        return self._polynomials_at(t_s)[2].at(t_s)
+        return self._legs.acceleration_m_s2(t_s)
 
     def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
         """Return the smallest and largest rates of change of the speed between two times without a knot in between."""
-        n = self._knot_before(start_s)
-        ends = [Fraction(t_s) for t_s, _ in self.knots[n:n + 2]]
-        middle = (ends[0] + ends[-1]) / 2       # where a smooth ramp is steepest
-        times: list[float | Fraction] = [start_s, stop_s]
-        if start_s < middle < stop_s:
-            times.append(middle)
-        rate = self._polynomials_at(start_s)[2]
-        rates = [rate.at(t_s) for t_s in times]
+        n = bisect_right(self._times, start_s)
+        middle_s = 0.5 * (self._times[n - 1] + self._times[n]) if n < len(self._times) else start_s
+        times = start_s, stop_s, min(max(start_s, middle_s), stop_s)     # a smooth ramp is steepest in the middle
+        rates = [self._legs.acceleration_m_s2(t_s, start_s) for t_s in times]
         return min(rates), max(rates)
 
     @cached_property
@@ -178,8 +209,7 @@ class Profile(Settings):
         the time at which the leader departs.
         """
         def beyond(t_s: float) -> tuple[float, float]:
-            hi, lo = self.travelled_m(t_s)
-            return sense * ((hi - distance_m) + lo), sense * self.speed_at_m_s(t_s)
+            return sense * (self.travelled_m(t_s) - distance_m), sense * self.speed_at_m_s(t_s)
 
         for before, after in pairwise(self.breaks_s):
             if beyond(after)[0] > 0:
@@ -190,34 +220,13 @@ class Profile(Settings):
 
     def extent_m(self, t_s: float) -> tuple[float, float]:
         """Return the smallest and largest distances that the leader has travelled up to ``t_s``, including 0."""
-        gone = [0.0, *(self.travelled_m(t)[0] for t in (*self.breaks_s, t_s) if t <= t_s)]
+        gone = [0.0, *(self.travelled_m(t) for t in (*self.breaks_s, t_s) if t <= t_s)]
         return min(gone), max(gone)
-
-
-def ramp(knots: Sequence[Knot], reached_m: Fraction, smooth: bool = False) -> tuple[ExactPolynomial, ...]:
-    """Return distance, speed and acceleration after the first knot, at distance ``reached_m``, as polynomials in time.
-
-    If there is no second knot, the first knot is the last knot of the law, and its speed is maintained.
-    """
-    (t_s, speed), (end_s, then) = knots[0], knots[-1]
-    length, change = Fraction(end_s) - Fraction(t_s), Fraction(then) - Fraction(speed)
-    rise: list[Fraction] = []       # coefficients of speed in powers of time since the knot, except the constant
-    if change:
-        rise = [Fraction(0), 3 * change / length**2, -2 * change / length**3] if smooth else [change / length]
-    speeds = [Fraction(speed), *rise]
-    way = [reached_m, *(one / power for power, one in enumerate(speeds, 1))]
-    rates = [power * one for power, one in enumerate(rise, 1)] or [Fraction(0)]
-    return tuple(ExactPolynomial(t_s, values) for values in (way, speeds, rates))
 
 
 def _smooth_share(rise: float) -> float:
     """Return the fraction of its duration at which a smooth ramp has completed the fraction ``rise`` of its change."""
     return bracketed_newton(lambda x: (x * x * (3 - 2 * x) - rise, 6 * x * (1 - x)), 0.0, 1.0, rise)[0]
-
-
-def ramp_m(one: Knot, two: Knot) -> Fraction:
-    """Return the distance travelled on a ramp between two knots; its mean speed is the mean of its end speeds."""
-    return (Fraction(two[0]) - Fraction(one[0])) * (Fraction(one[1]) + Fraction(two[1])) / 2
 
 
 def check_lead(lead: str) -> None:

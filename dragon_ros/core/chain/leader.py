@@ -2,13 +2,13 @@
 from dataclasses import dataclass
 from functools import cached_property
 from math import hypot, inf, sqrt
+from typing import Any
 
 import numpy as np
 
 from dragon_ros.core.chain.forward import forward, in_order
 from dragon_ros.core.chain.lock import turning_places
 from dragon_ros.core.errors import FieldError, TrackEndError
-from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
@@ -47,36 +47,25 @@ class Leader:
             return inf
 
     @cached_property
-    def _origin_m(self) -> tuple[float, float]:
-        """Distance of the leader along the track when it has travelled 0 m, as (hi, lo)."""
-        if self.direction == BEHIND:
-            return self.start_m, 0.0
-        return self.track.distance_of(_last(self.track, self.links_m, self.track.place_at(self.start_m), BEHIND))
+    def _origin_m(self) -> float:
+        """Distance of the leader along the track when it has travelled 0 m."""
+        return self.start_m if self.direction == BEHIND else tail_behind_m(self.track, self.links_m, self.start_m)
 
-    def place(self, gone_m: tuple[float, float]) -> Place:
-        """Return the leader's position after it has travelled ``gone_m`` = (hi, lo).
+    def place(self, gone_m: float) -> Place:
+        """Return the leader's position after it has travelled ``gone_m``. Raises TrackEndError beyond an end."""
+        return self.track.place_at(self.along_m(gone_m), self._origin_m)
 
-        Raises TrackEndError beyond an end of the track.
-        """
-        (origin, low), step = self._origin_m, -self.direction * gone_m[0]
-        total = origin + step               # double_double.plus, inlined
-        part = total - origin
-        low += (origin - (total - part)) + (step - part)
-        return self.track.place_at(total, low - self.direction * gone_m[1], origin)
-
-    def places(self, gone_m: tuple[Floats, Floats]) -> Places:
+    def places(self, gone_m: Floats) -> Places:
         """Return the positions of the leader for many distances travelled."""
-        high, low = plus(*self._origin_m, -self.direction * gone_m[0])
-        return self.track.places_at(*plus(high, low, -self.direction * gone_m[1]))
+        return self.track.places_at(self.along_m(gone_m))
 
     def gone_m(self, leader: Place) -> float:
         """Return the distance that the leader has travelled when it is at a given position."""
-        high, low = plus(*self.track.distance_of(leader), -self._origin_m[0])
-        return float(-self.direction * (high + (low - self._origin_m[1])))
+        return self.direction * (self._origin_m - self.track.distance_of(leader))
 
-    def along_m(self, gone_m: float) -> float:
-        """Return the distance of the leader along the track when it has travelled ``gone_m``."""
-        return self._origin_m[0] - self.direction * gone_m
+    def along_m(self, gone_m: Any) -> Any:
+        """Return the distance of the leader along the track when it has travelled ``gone_m``, for one or many."""
+        return self._origin_m - self.direction * gone_m
 
     def turning_m(self, low_m: float, high_m: float, links: int | None = None) -> list[float]:
         """Return the distances travelled, between two limits, at which a handle turns back, in ascending order.
@@ -88,29 +77,24 @@ class Leader:
         spiral = self.track.from_afar
         if not (self.track.may_lock and spiral):
             return []
-        low, high = sorted(self.place((gone_m, 0.0)).u.hi for gone_m in (low_m, high_m))
+        low, high = sorted(self.place(gone_m).u for gone_m in (low_m, high_m))
         chords = (self.links_m[:links] / spiral.curve.b_m).tolist()
-        return sorted(self.gone_m(Place(0, DoubleDouble(theta, 0.0))) for theta in turning_places(chords, low, high))
+        return sorted(self.gone_m(Place(0, theta)) for theta in turning_places(chords, low, high))
 
     @cached_property
     def range_m(self) -> tuple[float, float]:
         """Smallest and largest distances that the leader can travel before a handle leaves the track."""
         if self.direction == BEHIND:
             return self.least_m - self.start_m, self.track.end_m - self.start_m
-        return 0.0, self._origin_m[0] - self.track.begin_m
+        return 0.0, self._origin_m - self.track.begin_m
 
     def size_m(self, extent_m: tuple[float, float]) -> float:
         """Return an upper bound on the distance of any handle from the origin over a range of travel."""
         spiral = self.track.from_afar
         if self.track.may_lock and spiral:  # r^2 grows by at most 2 b per metre of track
             curve, length_m = spiral.curve, float(np.sum(self.links_m))
-            return curve.b_m * (1 + hypot(curve.start.hi, sqrt(2 * (length_m - extent_m[0]) / curve.b_m)))
-        low_m, high_m = self.span_m(extent_m)
-        return max(self.track.far_m(low_m, high_m), self.track.laid_from_m(high_m))
-
-    def plane_m(self, extent_m: tuple[float, float]) -> float:
-        """Return an upper bound on the distance of any handle from the origin, however far centres of arcs are."""
-        return self.size_m(extent_m) if self.track.may_lock else self.track.plane_m(*self.span_m(extent_m))
+            return curve.b_m * (1 + hypot(curve.start, sqrt(2 * (length_m - extent_m[0]) / curve.b_m)))
+        return self.track.far_m(*self.span_m(extent_m))
 
     def longest_m(self, extent_m: tuple[float, float]) -> float:
         """Return the largest coordinate (m) along the track: from its origin and, on spirals, from their centres."""
@@ -118,8 +102,10 @@ class Leader:
         if self.track.may_lock and spiral:
             return self.size_m(extent_m) ** 2 / (2 * spiral.curve.b_m)
         low_m, high_m = self.span_m(extent_m)
-        wound = (0.5 * segment.curve.b_m * max(a, b) ** 2 for segment, a, b in self.track.between(low_m, high_m)
-                 if isinstance(segment, SpiralSegment))
+        # All pieces count, because an error at the end of a piece moves the pieces behind it.
+        parts = [*self.track.between(low_m, high_m), *((one, one.first, one.last) for one in self.track.segments)]
+        wound = (0.5 * segment.curve.b_m * u * u for segment, *ends in parts if isinstance(segment, SpiralSegment)
+                 for u in ends if u < inf)
         return max(abs(low_m), abs(high_m), *wound)
 
     def span_m(self, extent_m: tuple[float, float]) -> tuple[float, float]:
@@ -127,10 +113,10 @@ class Leader:
 
         Every handle moves forward with the leader, so the tail is furthest back when the leader is furthest back.
         """
-        (least, most), origin, track = extent_m, self._origin_m[0], self.track
+        (least, most), origin, track = extent_m, self._origin_m, self.track
         if self.direction == BEHIND:
             first = track.place_at(max(origin + least, self.least_m))
-            low, high = track.distance_of(_last(track, self.links_m, first, BEHIND))[0], min(origin + most, track.end_m)
+            low, high = track.distance_of(_last(track, self.links_m, first, BEHIND)), min(origin + most, track.end_m)
         else:
             low, high = max(origin - most, track.begin_m), self.start_m
         return min(low, high), high     # the tail's distance is rounded and may exceed the leader's
@@ -138,12 +124,12 @@ class Leader:
 
 def head_in_front_m(track: Track, links_m: Floats, tail_m: float) -> float:
     """Return the distance of the head along a track when the tail is at ``tail_m``, or raise TrackEndError."""
-    return track.distance_of(_last(track, links_m, track.place_at(tail_m), AHEAD))[0]
+    return track.distance_of(_last(track, links_m, track.place_at(tail_m), AHEAD))
 
 
 def tail_behind_m(track: Track, links_m: Floats, head_m: float) -> float:
     """Return the distance of the tail along a track when the head is at ``head_m``, or raise TrackEndError."""
-    return track.distance_of(_last(track, links_m, track.place_at(head_m), BEHIND))[0]
+    return track.distance_of(_last(track, links_m, track.place_at(head_m), BEHIND))
 
 
 def _last(track: Track, links_m: Floats, leader: Place, direction: int) -> Place:

@@ -16,7 +16,7 @@ def accelerations(simulation: Simulation, t_s: float, chain: Chain) -> Floats:
     """
     law, links = simulation.scene.head, _links(chain)
     speeds = links.speeds(law.speed_at_m_s(t_s))
-    segment, u, _ = chain.places
+    segment, u = chain.places
     curvature = entered_curvatures(chain.track, segment, u, speeds, simulation.promise_m)
     return links.accelerations(speeds, curvature, law.acceleration_at_m_s2(t_s))
 

@@ -11,7 +11,7 @@ def leader_motion(simulation: Simulation, t_s: float, chain: Chain) -> LeaderMot
     A leading tail moves outwards, opposite to the direction of a leading head.
     """
     model, at, speed = simulation.model, chain.leader, simulation.scene.head.speed_at_m_s(t_s)
-    segment, u, _ = chain.places
+    segment, u = chain.places
     curvature = float(chain.track.curvatures(segment[[at]], u[[at]])[0])
     return LeaderMotion(read_only(chain.p[at].copy()), read_only(-model.direction * chain.headings[at]), speed,
                         -model.direction * curvature * speed)

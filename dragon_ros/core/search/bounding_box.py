@@ -34,7 +34,6 @@ from dragon_ros.core.chain.forward import next_places
 from dragon_ros.core.chain.lock import turns
 from dragon_ros.core.enclosures.ball_arithmetic import Ball
 from dragon_ros.core.enclosures.on_track import LinkStates, enclosed, link_states
-from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of, corner_levers
 from dragon_ros.core.geometry.signed_distance import CORNERS
 from dragon_ros.core.model import Model, compile_scene
@@ -43,7 +42,7 @@ from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
 from dragon_ros.core.promise import PER_METRE
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.driver import Boxes, InOrder, divisible, run
-from dragon_ros.core.tracks.composite import Place, Places, Track
+from dragon_ros.core.tracks.composite import Track
 from dragon_ros.core.tracks.segments import BEHIND
 
 SIDES = ('x', '-x', 'y', '-y')
@@ -259,10 +258,10 @@ class SweptBench:
     def states(self, along_m: Floats) -> BenchStates:
         """Return the states of the bench when its front handle is at the given distances along the track."""
         track, link = self.track, self.link_m
-        fronts = track.places_at(along_m, np.zeros_like(along_m))
-        rears = self._rears(fronts)
-        segment, u, lo = (np.stack(pair, axis=1) for pair in zip(fronts, rears, strict=True))
-        (q, r), headings = _complex(track.points(segment, u, lo)).T, track.headings(segment, u, lo)
+        fronts = track.places_at(along_m)
+        rears = next_places(track, fronts, link, BEHIND)[0]
+        segment, u = (np.stack(pair, axis=1) for pair in zip(fronts, rears, strict=True))
+        (q, r), headings = _complex(track.points(segment, u)).T, track.headings(segment, u)
         to, to_rear = _complex(headings).T
         axis = (q - r) / link
         states = link_states(track.distances(segment, u), segment, track.curvatures(segment, u), headings,
@@ -271,15 +270,6 @@ class SweptBench:
         value = (0.5 * (q + r))[:, None] + self._lever * axis[:, None]
         return BenchStates(states, _sides(value), _sides(one * to[:, None]),
                            _sides(two * to_rear[:, None]))
-
-    def _rears(self, fronts: Places) -> Places:
-        """Return the rear handles, placed singly at a lock, where only the scalar solver accepts the longest chord."""
-        try:
-            return next_places(self.track, fronts, self.link_m, BEHIND)[0]
-        except ChainLockError:
-            rears = [self.track.next(Place.of(*front), self.link_m, BEHIND)[0] for front in zip(*fronts, strict=True)]
-            u: Floats = np.array([place.u for place in rears])
-            return np.array([place.segment for place in rears]), u[:, 0], u[:, 1]
 
     def bounds(self, a: BenchStates, b: BenchStates) -> Floats:
         """Return upper bounds (M, 4, 4) on corners' coordinates between a state and one further along the track."""
@@ -338,7 +328,7 @@ class HandleRanges:
         run, law = scene.run, scene.head
         inside = [t_s for t_s in law.breaks_s if run.start_s < t_s < compile_scene(scene).end.t_s]
         self._times_s = [run.start_s, *inside, compile_scene(scene).end.t_s]
-        self._gone_m: list[tuple[float, float]] = [law.travelled_m(t_s) for t_s in self._times_s]
+        self._gone_m: list[float] = [law.travelled_m(t_s) for t_s in self._times_s]
 
     @property
     def _model(self) -> Model:
@@ -350,9 +340,9 @@ class HandleRanges:
         return self._model.track
 
     @cached_property
-    def _stops_m(self) -> list[tuple[float, float]]:
+    def _stops_m(self) -> list[float]:
         least, most = min(self._gone_m), max(self._gone_m)
-        return [least, *((gone, 0.0) for gone in self._model.leader.turning_m(least[0], most[0])), most]
+        return [least, *self._model.leader.turning_m(least, most), most]
 
     @cached_property
     def _at_stops_m(self) -> Floats:
@@ -365,19 +355,19 @@ class HandleRanges:
         """The smallest and the largest distance of each front handle along the track (m, shape (2, N))."""
         return np.stack((np.min(self._at_stops_m, axis=0), np.max(self._at_stops_m, axis=0)))
 
-    def chain(self, gone_m: tuple[float, float]) -> Chain:
+    def chain(self, gone_m: float) -> Chain:
         """Return the chain after the leader has travelled ``gone_m``."""
         return self._model.march(gone_m)
 
     def when_s(self, handle: int, along_m: float) -> float:
         """Return a time at which a handle is at a given distance along the track."""
         gone = self._leader_m(handle, along_m)
-        pairs = zip(pairwise(self._times_s), pairwise(one for one, _ in self._gone_m), strict=True)
+        pairs = zip(pairwise(self._times_s), pairwise(self._gone_m), strict=True)
         times, ends_m = min(pairs, key=lambda pair: max(min(pair[1]) - gone, gone - max(pair[1])))
         low, high = (end_m - gone for end_m in ends_m)
         if low * high >= 0:
             return times[0] if abs(low) <= abs(high) else times[1]
-        return illinois(lambda t_s: float(self.scene.head.travelled_m(t_s)[0]) - gone, *times, low, high)
+        return illinois(lambda t_s: float(self.scene.head.travelled_m(t_s)) - gone, *times, low, high)
 
     def _leader_m(self, handle: int, along_m: float) -> float:
         """Return the distance travelled by the leader when a handle is at a given distance along the track."""
@@ -385,18 +375,18 @@ class HandleRanges:
         over, same = (self._at_stops_m[:, handle] - along_m).tolist(), _SAME * (1 + abs(along_m))
         nearest = min(range(len(stops)), key=lambda n: abs(over[n]))
         if abs(over[nearest]) <= same:
-            return stops[nearest][0]
+            return stops[nearest]
 
         def beyond_m(gone: float) -> float:
-            beyond = self._handle_m(handle, (gone, 0.0)) - along_m
+            beyond = self._handle_m(handle, gone) - along_m
             return beyond if abs(beyond) > same else 0.0
 
         for n in range(len(stops) - 1):
             if over[n] * over[n + 1] < 0:
-                return illinois(beyond_m, stops[n][0], stops[n + 1][0], *over[n:n + 2])
-        return stops[nearest][0]
+                return illinois(beyond_m, stops[n], stops[n + 1], *over[n:n + 2])
+        return stops[nearest]
 
-    def _handle_m(self, handle: int, gone_m: tuple[float, float]) -> float:
+    def _handle_m(self, handle: int, gone_m: float) -> float:
         """Return a handle's distance along the track when the leader has travelled a given distance."""
         leader = self._model.leader
         links, index = (leader.links_m[:handle], -1) if leader.direction == BEHIND else (leader.links_m[handle:], 0)

@@ -86,17 +86,13 @@ def max_speed(scene: Scene, progress: Callable[[int], object] = lambda looks: No
     """Find the fastest handle during the scene's run, and bound its speed.
 
     ``progress(looks)`` is called with the number of states evaluated since the last call. Raises FieldError if the run
-    reaches a lock, where speeds are unbounded, or ends so close to a lock that rounding leaves no finite bound.
+    reaches a lock, where speeds are unbounded.
     """
     end = compile_scene(scene).end
     if end.reason == 'lock':
         raise FieldError('run.stop_s', scene.run.stop_s, f'the run reaches a lock at {end.t_s:.6f} s, and speeds '
                          'near a lock are unbounded', 'stop earlier')
-    found = _Speeding(scene, progress).run()
-    if not isfinite(found.bound):
-        raise FieldError('run.stop_s', scene.run.stop_s, 'the run ends so close to a lock that rounding leaves no '
-                         'finite bound on the speeds', 'stop earlier')
-    return found
+    return _Speeding(scene, progress).run()
 
 
 class _Speeding(InOrder):
@@ -120,8 +116,8 @@ class _Speeding(InOrder):
         with np.errstate(over='ignore'):
             ratio, bound = (float(np.exp(log)) for log in (top, max(self._bound, top)))
         number = handle if leader.direction == BEHIND else leader.links_m.size - handle
-        return MaxSpeed(ratio, number, float(gone[0]) + 0.0,
-                        leader.track.distance_of(leader.place(gone))[0], bound, self._looks)
+        return MaxSpeed(ratio, number, float(gone) + 0.0,
+                        leader.track.distance_of(leader.place(gone)), bound, self._looks)
 
     def judge(self, boxes: Boxes) -> Boxes:
         """Bound intervals, record the bounds of those that contain no faster handle, and cut the others."""
@@ -163,7 +159,7 @@ class _Speeding(InOrder):
         return max(1, ceil(abs(ends[1] - ends[0]) / _SPACING_M))
 
     def _gone_m(self, t_s: float) -> float:
-        return float(self._scene.head.travelled_m(t_s)[0])
+        return float(self._scene.head.travelled_m(t_s))
 
     def _when_s(self, gone_m: float, low_s: float, high_s: float) -> float:
         """Return when the leader has travelled a distance, within a period in which it moves in one direction."""
@@ -208,9 +204,9 @@ class _Speeding(InOrder):
         self._looks += times_s.size
         self._tell(times_s.size)
         leader, gone = self._leader, self._scene.head.travelled_m(times_s)
-        links = leader.links_m[:self._links(float(np.max(gone[0])))]
+        links = leader.links_m[:self._links(float(np.max(gone)))]
         chains = marched_many(leader.track, links, leader.places(gone), leader.direction)
-        return states_of(chains, gone[0], leader.direction)
+        return states_of(chains, gone, leader.direction)
 
     def _note(self, log: Floats, times_s: Floats) -> None:
         tops = np.max(log, axis=1)

@@ -30,7 +30,6 @@ from dragon_ros.core.tracks.segments import BEHIND
 if TYPE_CHECKING:       # scenes without a venue do not need this module
     from dragon_ros.core.geometry.venue import Surroundings
 
-_LOCK_RAD = 1e-9        # margin before a lock or the centre, where speeds are infinite, relative to 1 + polar angle
 _SLACK_M, _PROMISES = 1e-9, 8   # slack of a claim: leader travel in metres, or this many promises if that is more
 _WIDEST, _NEAR = 1000, 100      # largest slack of a slow approach, and largest gap of a grazing, in such slacks
 _ULPS = 4               # rounding error of a contact's time, in ulps
@@ -65,7 +64,7 @@ class RangeOfTravel:
 
     def gone_m(self, t_s: float) -> float:
         """Return the distance travelled by the leader since t = 0."""
-        return float(self.law.travelled_m(t_s)[0])
+        return float(self.law.travelled_m(t_s))
 
     def farthest_s(self, sense: int) -> float:
         """Return the first time when the leader is furthest forward (``sense`` 1) or furthest back (-1)."""
@@ -117,8 +116,7 @@ class RangeOfTravel:
                 self.start_s)
 
         def beyond(t_s: float) -> tuple[float, float]:
-            hi, lo = self.law.travelled_m(t_s)
-            return sense * ((hi - gone_m) + lo), sense * self.law.speed_at_m_s(t_s)
+            return sense * (self.gone_m(t_s) - gone_m), sense * self.law.speed_at_m_s(t_s)
 
         if beyond(self.start_s)[0] >= 0:        # the leader may rest at its start for a while
             return self.start_s
@@ -157,14 +155,6 @@ class SearchDomain:
         self._kept: dict[float, Chain] = {}
         stop_s = travel.farthest_s(sense)
         self.start_m, self.stop_m = travel.gone_m(travel.start_s), travel.gone_m(stop_s)
-        if self.track.may_lock and simulation.limit is not None and stop_s == simulation.limit.t_s:
-            self.stop_m = max(self.start_m, self.stop_m - self._lock_m())
-
-    def _lock_m(self) -> float:
-        """Return the length of track that is omitted before a lock."""
-        theta, afar = float(self.chain(self.stop_m).u[0]), self.track.from_afar
-        assert afar
-        return float(_LOCK_RAD * (1 + theta) * afar.curve.b_m * np.hypot(1.0, theta))
 
     @cached_property
     def around(self) -> Optional['Surroundings']:
@@ -183,17 +173,16 @@ class SearchDomain:
         """Return all handles when the leader has travelled a distance; the last few results are cached."""
         if gone_m not in self._kept:
             self._kept = dict([*self._kept.items()][1 - _KEPT:])
-            self._kept[gone_m] = self.simulation.model.march((gone_m, 0.0))
+            self._kept[gone_m] = self.simulation.model.march(gone_m)
         return self._kept[gone_m]
 
     def chains(self, gone_m: Floats) -> Chain:
         """Return all handles at many leader positions (M,)."""
         if gone_m.size <= _FEW:
             return stack([self.chain(one) for one in gone_m.tolist()])
-        gone = gone_m, np.zeros_like(gone_m)
         if gone_m.size > _MANY:
-            return self.simulation.model.place_many(gone)
-        return marched_many(self.track, self.dragon.link_lengths_m, self.leader.places(gone), self.leader.direction)
+            return self.simulation.model.place_many(gone_m)
+        return marched_many(self.track, self.dragon.link_lengths_m, self.leader.places(gone_m), self.leader.direction)
 
     def benches(self, gone_m: float) -> Benches:
         """Return all benches when the leader has travelled a distance."""
@@ -256,7 +245,7 @@ class SearchDomain:
         edge = self.edge_of(pair)
         last_bench = pair[0] if edge is not None else pair[1]
         first, last = (0, last_bench + 1) if self.leader.direction == BEHIND else (pair[0], self.dragon.benches)
-        chain = marched(self.track, self.dragon.link_lengths_m[first:last], self.leader.place((gone_m, 0.0)),
+        chain = marched(self.track, self.dragon.link_lengths_m[first:last], self.leader.place(gone_m),
                         self.leader.direction)
         half_length = 0.5 * self.dragon.bench_lengths_m[first:last]
         centre = 0.5 * (chain.p[:-1] + chain.p[1:])

@@ -118,7 +118,7 @@ def room_needed_m(track: Track, swept: SweptArea, stations_m: Floats) -> Floats:
     Only benches near each distance along the track count; benches on another part of the track do not, even if that
     part passes nearby.
     """
-    places = track.places_at(stations_m, np.zeros_like(stations_m))
+    places = track.places_at(stations_m)
     points, headings = (_complex(one) for one in track.poses(*places))
     firsts = np.searchsorted(swept.at_m, stations_m - swept.long_m)
     lasts = np.searchsorted(swept.at_m, stations_m + 2 * swept.long_m)

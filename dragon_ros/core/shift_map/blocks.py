@@ -106,10 +106,10 @@ class TabulatedStates:
     def end(self) -> Places:
         """Return the positions of the last handles."""
         size = sum(rows.size for rows, _ in self.spots)
-        segment, u, lo = np.empty(size, dtype=np.int64), np.empty(size), np.empty(size)
+        segment, u = np.empty(size, dtype=np.int64), np.empty(size)
         for rows, spots in self.spots:
-            segment[rows], u[rows], lo[rows] = spots.tile.places_at(spots, spots.row - self.direction * self.links)
-        return segment, u, lo
+            segment[rows], u[rows] = spots.tile.places_at(spots, spots.row - self.direction * self.links)
+        return segment, u
 
     def velocities(self, chain: Chain, speed: Floats, out: Floats) -> Floats:
         """Fill in velocities."""
@@ -127,11 +127,11 @@ class TabulatedStates:
     def places(self) -> Places:
         """Return the positions."""
         shape = sum(rows.size for rows, _ in self.spots), self.links + 1
-        segment, u, lo = np.empty(shape, dtype=np.int64), np.empty(shape), np.empty(shape)
+        segment, u = np.empty(shape, dtype=np.int64), np.empty(shape)
         for rows, spots in self.spots:
             each = spots.tile.places_many(spots, self._first(spots), self.links + 1)
-            segment[rows], u[rows], lo[rows] = (values[:, ::-self.direction] for values in each)
-        return segment, u, lo
+            segment[rows], u[rows] = (values[:, ::-self.direction] for values in each)
+        return segment, u
 
 
 class Run(NamedTuple):
@@ -204,10 +204,10 @@ class Placement:
 
     def build_near(self, leader: Place) -> None:
         """Build the tables of all blocks for leaders near a leader. Raises the same errors as ``place``."""
-        segment, u, lo = (values[::-self.direction] for values in self.place(leader).places)
+        segment, u = (values[::-self.direction] for values in self.place(leader).places)
         for run in self.runs:
             if run.shift:
-                run.shift.build_all(Place.of(segment[run.start], u[run.start], lo[run.start]))
+                run.shift.build_all(Place.of(segment[run.start], u[run.start]))
 
     def _marched(self, flat: Floats, start: int, handles: Handles, solver: str) -> PlacedLinks:
         """Write marched handles; for a single link, leave its last handle to the next run."""
@@ -218,7 +218,7 @@ class Placement:
             flat[first:first + 2 * links + 2] = self.track.points(*rows)[::-direction].ravel()
             return MarchedLinks(start, rows, solver)
         near, at = handles.place(0), 2 * (start if direction == BEHIND else count - start)
-        point = self.track.segments[near.segment].at(*near.u)
+        point = self.track.segments[near.segment].at(near.u)
         flat[at], flat[at + 1] = point.real, point.imag
         return MarchedLink(start, near, handles.place(1), solver)
 
@@ -258,7 +258,7 @@ class Placement:
         if spots is not None and all(self._reaches(one, stop - start) for _, one in spots):
             return TabulatedStates(start, stop - start, tuple(spots), self.direction), 0
         rows, spent = forward_many(self.track, blocks, places, self.direction)
-        return MarchedLinks(start, (rows[0].T, rows[1].T, rows[2].T), 'march' if shift else ''), spent
+        return MarchedLinks(start, (rows[0].T, rows[1].T), 'march' if shift else ''), spent
 
     def _reaches(self, spots: Spots, count: int) -> bool:
         last = spots.row - self.direction * count
@@ -278,8 +278,8 @@ class Placement:
 
 
 def _last(places: Places) -> Places:
-    segment, u, lo = places
-    return segment[:, -1], u[:, -1], lo[:, -1]
+    segment, u = places
+    return segment[:, -1], u[:, -1]
 
 
 def lengths_with_maps(links_m: Floats) -> dict[float, int]:
@@ -292,6 +292,6 @@ def lengths_with_maps(links_m: Floats) -> dict[float, int]:
     longest = sorted(((block.stop - block.start, block.link_m) for block in blocks_of(links_m, BEHIND)
                       if block.stop - block.start >= FEWEST), key=lambda row: -row[0])
     for links, link_m in longest:
-        if link_m in out or (len(out) < _MOST_MAPS and link_m and links_of_tile(links) * link_m >= length_m):
+        if link_m in out or (len(out) < _MOST_MAPS and links_of_tile(links) * link_m >= length_m):
             out[link_m] = max(links, out.get(link_m, 0))
     return out

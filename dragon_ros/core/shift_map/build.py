@@ -9,7 +9,6 @@ from numpy.polynomial import chebyshev
 from dragon_ros.core.chain.forward import FEWEST_ROWS, Block, by_segment, forward, forward_many, placed
 from dragon_ros.core.errors import ChainLockError, TrackEndError
 from dragon_ros.core.numerics.chebyshev import in_parts, inverse_series, powers_of, series_of, transform
-from dragon_ros.core.numerics.double_double import plus, product
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.numerics.vectors import complex_of, dot
 from dragon_ros.core.tracks.composite import WIDEST_RAD, Place, Places, Track
@@ -34,6 +33,7 @@ _SPAN_NODES = 16            # number of terms for a whole span on a spiral; few 
 # hundreds of rows may account for a quarter of it.
 _SPAN_ENDS = 2.0**-46
 _HAIR = 1e-12               # positions closer than this, relative to the distance along the track, are treated as equal
+_HALF_ULP = 2.0**-53        # rounding of coordinates, relative to a coordinate
 TRUNCATION = 1e-15      # error at which series are truncated, relative to the coordinates
 
 
@@ -42,7 +42,7 @@ class Table:
     """The images of a span in R rows of S parts, for links of one length; L rows from ``first`` on can hold leaders.
 
     Part s of row r is on the segment ``segment[r, s]``; ``middle[r, s]`` holds the segment's coordinate in the middle
-    of the part as (hi, lo), and a scale, such that x = (coordinate - middle) * scale lies in [-1, 1]. Rounding may make
+    of the part and a scale, such that x = (coordinate - middle) * scale lies in [-1, 1]. Rounding may make
     |x| exceed 1 by up to ``slack`` (L, S). ``inverse`` (L, S, K) holds the coefficients of u(x), the highest power
     first. The series are ``coordinates`` (S, K, R) of the scaled coordinates x, ``places`` (S, K, 2 R) of positions in
     m, and ``motions`` (S, K, 2 R) of velocities for unit speed in row 0. From row r on, the first ``terms[s, r]`` terms
@@ -96,28 +96,28 @@ class SpanPart:
     """A part of the span: its segment, and the coordinates of its two ends, the foremost first."""
 
     segment: int
-    fore: Floats
-    rear: Floats
+    fore: float
+    rear: float
 
-    def nodes(self) -> tuple[Floats, Floats]:
-        """Return the coordinates (hi, lo) of the nodes (K,)."""
-        share = 0.5 * (1 + transform(NODES)[0])
-        high, low = np.broadcast_to(self.fore[:, None], (2, NODES))
-        return plus(high, low, share * ((self.rear[0] - self.fore[0]) + (self.rear[1] - self.fore[1])))
+    def nodes(self) -> Floats:
+        """Return the coordinates of the nodes (K,)."""
+        out: Floats = self.fore + 0.5 * (1 + transform(NODES)[0]) * (self.rear - self.fore)
+        return out
 
 
 @dataclass(frozen=True, eq=False)
 class _Pushed:
     """Series for R rows of one part: coordinates minus ``origin`` (K, R), positions and motions (K, R, 2).
 
-    ``along_m`` (R, 2) holds the distances of the part's rear and front along the track, and ``far_m`` (R,) bounds the
-    part's distance from the origin.
+    ``along_m`` (R, 2) holds the distances of the part's rear and front along the track, ``far_m`` (R,) bounds the
+    part's distance from the origin, and ``rounding_m`` (R,) is the effect of rounding coordinates up to each row.
     """
 
     segment: Ints           # (R,)
-    origin: Floats          # (2, R), as (hi, lo)
+    origin: Floats          # (R,)
     along_m: Floats
     far_m: Floats
+    rounding_m: Floats
     coordinates: Floats
     places: Floats
     motions: Floats
@@ -129,7 +129,7 @@ class _RowSeries:
     """Series for R rows of S parts: coordinates minus ``origin`` (S, K, R), positions and motions (S, K, 2 R)."""
 
     segment: Ints                     # (R, S)
-    origin: tuple[Floats, Floats]     # (R, S)
+    origin: Floats                    # (R, S)
     leading: slice                    # rows that can hold leaders
     error_m: Floats                   # (R,): the error at which series are truncated
     coordinates: Floats
@@ -153,8 +153,8 @@ class Span:
     def begins(self) -> list[tuple[Place, int]]:
         """Return where groups begin in the rows that can hold leaders on the stretch, and their numbers, in order."""
         track, link_m = self.track, self.link_m
-        fronts = [Place.of(parts[0].segment, *parts[0].fore) for parts in self.groups]
-        length_m = track.distance_of(fronts[0])[0] - max(self.stretch.low_m, track.begin_m)
+        fronts = [Place(parts[0].segment, parts[0].fore) for parts in self.groups]
+        length_m = track.distance_of(fronts[0]) - max(self.stretch.low_m, track.begin_m)
         links = min(self.rows - 1, ceil(length_m / link_m) + 1)
         rows = [[(front, group) for group, front in enumerate(fronts)]]
         try:
@@ -172,7 +172,7 @@ def span_of(track: Track, link_m: float, stretch: Stretch) -> Span | None:
     """
     try:
         front = _front(track, link_m, stretch)
-        low_m, front_m = max(stretch.low_m, track.begin_m), track.distance_of(front)[0]
+        low_m, front_m = max(stretch.low_m, track.begin_m), track.distance_of(front)
         count = ceil((front_m - low_m) / link_m) + 1 + (stretch.links if stretch.direction == BEHIND else 0)
         if front_m <= low_m or 8 * 5 * NODES * count > _MOST_BYTES:
             return None
@@ -203,26 +203,26 @@ def _front(track: Track, link_m: float, stretch: Stretch) -> Place:
         high_m += stretch.links * reach_m(track.bend, link_m)
     front = track.place_at(min(track.end_m, high_m + _HAIR * (1 + abs(high_m))))
     if front.segment == 0 and track.from_afar:
-        return Place.of(0, *max(front.u, (link_m / (WIDEST_RAD * track.from_afar.curve.b_m), 0.0)))
+        return Place(0, max(front.u, link_m / (WIDEST_RAD * track.from_afar.curve.b_m)))
     return front
 
 
 def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[SpanPart]:
     """Return the parts of the span behind ``front``, cut at all positions a whole number of links ahead of a joint."""
     rear = track.next(front, link_m, BEHIND)[0]
-    here_m, back_m = track.distance_of(front)[0], track.distance_of(rear)[0]
+    here_m, back_m = track.distance_of(front), track.distance_of(rear)
     inside = [k for k, metres in enumerate(track.joints_m, 1) if low_m < metres < here_m]
     if sum(here_m - track.joints_m[k - 1] for k in inside) / link_m > _MOST_STEPS:
         return []
-    hair_m, ends = _HAIR * (link_m + abs(here_m)), (*track.joints_m, track.end_m)
+    hair_m, ends = 3 * _HAIR * (1 + abs(here_m)), (*track.joints_m, track.end_m)
     if any(ends[k] - ends[k - 1] <= hair_m for k in inside):    # the segment's two joints would coincide
         return []
-    joints = [Place.of(k, track.segments[k].first, 0.0) for k in inside]
+    joints = [Place(k, track.segments[k].first) for k in inside]
     cuts = sorted((_pulled(track, link_m, place, back_m) for place in _nearly_pulled(track, link_m, joints, back_m)),
                   key=track.distance_of, reverse=True)
     places = [front]
     for cut in [*cuts, rear]:
-        if track.distance_of(places[-1])[0] - track.distance_of(cut)[0] > hair_m:
+        if track.distance_of(places[-1]) - track.distance_of(cut) > hair_m:
             places.append(cut)
     return [part_between(track, fore, rear) for fore, rear in pairwise(places)]
 
@@ -233,9 +233,8 @@ def _nearly_pulled(track: Track, link_m: float, places: list[Place], back_m: flo
         return places
     longest_m = reach_m(min(track.bend, 1 / link_m), link_m)
     for _ in range(_PULLS):
-        sure = np.array([max(0, floor((back_m - track.distance_of(place)[0]) / longest_m)) for place in places])
-        begin: Places = (np.array([place.segment for place in places]), np.array([place.u.hi for place in places]),
-                         np.array([place.u.lo for place in places]))
+        sure = np.array([max(0, floor((back_m - track.distance_of(place)) / longest_m)) for place in places])
+        begin: Places = np.array([place.segment for place in places]), np.array([place.u for place in places])
         most = int(np.max(sure))
         rows, _ = by_segment(track, (Block(0, most, link_m),), begin, AHEAD, most - sure)
         places = [Place.of(*each) for each in zip(*(values[-1] for values in rows), strict=True)]
@@ -244,27 +243,26 @@ def _nearly_pulled(track: Track, link_m: float, places: list[Place], back_m: flo
 
 def _pulled(track: Track, link_m: float, place: Place, back_m: float) -> Place:
     """Move a position ahead, link by link, into the span that ends at ``back_m``, and return it."""
-    sure = floor((back_m - track.distance_of(place)[0]) / reach_m(min(track.bend, 1 / link_m), link_m))
+    sure = floor((back_m - track.distance_of(place)) / reach_m(min(track.bend, 1 / link_m), link_m))
     if sure > 0:        # the number of links that certainly fit, given the longest arc of a link
         place = forward(track, [link_m] * sure, place, AHEAD).place(-1)
-    while track.distance_of(place)[0] <= back_m:
+    while track.distance_of(place) <= back_m:
         place = track.next(place, link_m, AHEAD)[0]
     return place
 
 
 def part_between(track: Track, fore: Place, rear: Place) -> SpanPart:
     """Return the part between two positions; the part is on a single segment."""
-    middle = 0.5 * (track.distance_of(fore)[0] + track.distance_of(rear)[0])
+    middle = 0.5 * (track.distance_of(fore) + track.distance_of(rear))
     k = fore.segment if fore.segment == rear.segment else track.place_at(middle).segment
     segment = track.segments[k]
-    ends = (fore.u if fore.segment == k else (segment.last, 0.0), rear.u if rear.segment == k else (segment.first, 0.0))
-    return SpanPart(k, *(np.array(end) for end in ends))
+    return SpanPart(k, fore.u if fore.segment == k else segment.last, rear.u if rear.segment == k else segment.first)
 
 
 def equal_parts(part: SpanPart, count: int) -> list[SpanPart]:
     """Cut a part into ``count`` parts of equal length."""
-    step = ((part.rear[0] - part.fore[0]) + (part.rear[1] - part.fore[1])) / count
-    cuts = [np.array(plus(part.fore[0], part.fore[1], n * step)) for n in range(1, count)]
+    step = (part.rear - part.fore) / count
+    cuts = [part.fore + n * step for n in range(1, count)]
     return [SpanPart(part.segment, *ends) for ends in pairwise((part.fore, *cuts, part.rear))]
 
 
@@ -312,20 +310,20 @@ def _inverses(pushed: list[_Pushed], x: Floats, rows: slice) -> Floats:
 
 def _series(track: Track, link_m: float, parts: list[SpanPart], count: int) -> list[_Pushed]:
     """Map the nodes of parts back through ``count`` rows, or to the end of the track, and return their series."""
-    segment, u, lo = _pushed(track, link_m, parts, count)
+    segment, u = _pushed(track, link_m, parts, count)
     rows = segment.shape[0]
-    p, heading = track.poses(segment, u, lo)
+    p, heading = track.poses(segment, u)
     axis = p[:-1] - p[1:]
     ratio = dot(axis, heading[:-1]) / dot(axis, heading[1:])
     speed = np.cumprod(np.concatenate((np.ones((1, *u.shape[1:])), ratio)), axis=0)
-    origin = np.stack((u[..., NODES // 2], lo[..., NODES // 2]))
-    from_origin = (u - origin[0][..., None]) + (lo - origin[1][..., None])
-    coordinates = series_of(np.ascontiguousarray(from_origin.transpose(1, 2, 0)))
+    origin = u[..., NODES // 2]
+    coordinates = series_of(np.ascontiguousarray((u - origin[..., None]).transpose(1, 2, 0)))
     places, motions = (series_of(np.ascontiguousarray(complex_of(values).transpose(1, 2, 0)).view(np.float64))
                        for values in (p, speed[..., None] * heading))
     # Nodes are ordered from the rear of a part to its front.
     along, far_m = track.distances(segment, u[..., [0, -1]]), np.max(np.abs(p), axis=(2, 3))
-    return [_Pushed(segment[:, n], origin[:, :, n], along[:, n], far_m[:, n], coordinates[n],
+    rounding_m = np.maximum.accumulate(_HALF_ULP * np.max(np.abs(u * track.rates(segment, u)), axis=2))
+    return [_Pushed(segment[:, n], origin[:, n], along[:, n], far_m[:, n], rounding_m[:, n], coordinates[n],
                     places[n].reshape(NODES, rows, 2), motions[n].reshape(NODES, rows, 2)) for n in range(len(parts))]
 
 
@@ -339,37 +337,37 @@ def _together_in_rows(pushed: list[_Pushed], link_m: float, stretch: Stretch) ->
     # Rows near the origin use the errors of a spiral that holds the whole dragon in turns one link apart.
     far_m = np.max([one.far_m[:rows] for one in pushed], axis=0)
     size_m = np.maximum(far_m, link_m * np.sqrt(stretch.links))
-    error_m = TRUNCATION * size_m
-    origin = np.stack([one.origin[:, :rows] for one in pushed], axis=-1)
-    return _RowSeries(np.stack([one.segment[:rows] for one in pushed], axis=1), (origin[0], origin[1]), leading,
+    error_m = np.maximum(TRUNCATION * size_m, np.max([one.rounding_m[:rows] for one in pushed], axis=0))
+    origin = np.stack([one.origin[:rows] for one in pushed], axis=-1)
+    return _RowSeries(np.stack([one.segment[:rows] for one in pushed], axis=1), origin, leading,
                  error_m, np.stack([one.coordinates[:, :rows] for one in pushed]),
                  *(np.stack([getattr(one, name)[:, :rows].reshape(NODES, -1) for one in pushed])
                    for name in ('places', 'motions')))
 
 
-def _pushed(track: Track, link_m: float, parts: list[SpanPart], count: int) -> tuple[Ints, Floats, Floats]:
-    """Return the segments (R, S) of the nodes in all rows, and their coordinates (R, S, K) as hi and lo."""
+def _pushed(track: Track, link_m: float, parts: list[SpanPart], count: int) -> Places:
+    """Return the segments (R, S) of the nodes in all rows, and their coordinates (R, S, K)."""
     nodes: Floats = np.array([part.nodes() for part in parts])
     numbers: Ints = np.repeat([part.segment for part in parts], NODES)
-    first: Places = numbers, nodes[:, 0].ravel(), nodes[:, 1].ravel()
+    first: Places = numbers, nodes.ravel()
 
     def settle(places: Places) -> Places:
         return on_one_segment(track, places) if len(track.segments) > 1 else places
 
-    rows = [tuple(values[None] for values in first)]        # ``count`` rows, or fewer if the track ends earlier
+    # ``count`` rows, or fewer if the track ends earlier
+    rows: list[Places] = [(numbers[None], nodes.reshape(1, -1))]
     for k, many in _spans(track, link_m, first, count):
-        segment, u, lo = (values[-1] for values in rows[-1])
-        found = None if k is None else _along(track.segments[k], link_m, (segment, u, lo), many)
+        last: Places = rows[-1][0][-1], rows[-1][1][-1]
+        found = None if k is None else _along(track.segments[k], link_m, last, many)
         if found is None:
-            block = (Block(0, many, link_m),)
-            (segment, u, lo), _ = forward_many(track, block, (segment, u, lo), BEHIND, settle)
-            found = segment[1:], u[1:], lo[1:]
+            (segment, u), _ = forward_many(track, (Block(0, many, link_m),), last, BEHIND, settle)
+            found = segment[1:], u[1:]
         rows.append(found)
         if len(found[0]) < many:
             break
     shape = -1, len(parts), NODES
-    segment, u, lo = (np.concatenate(values) for values in zip(*rows, strict=True))
-    return segment.reshape(shape)[..., 0], u.reshape(shape), lo.reshape(shape)
+    segment, u = (np.concatenate(values) for values in zip(*rows, strict=True))
+    return segment.reshape(shape)[..., 0], u.reshape(shape)
 
 
 def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple[int | None, int]]:
@@ -383,7 +381,7 @@ def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple
     front = Place.of(*(values[NODES - 1].item() for values in first))
     links = count
     if track.begin_m == -inf:       # nodes on the first segment stay on it
-        links = min(count, max(1, ceil((track.distance_of(front)[0] - track.joints_m[0]) / link_m) + 2))
+        links = min(count, max(1, ceil((track.distance_of(front) - track.joints_m[0]) / link_m) + 2))
     try:
         fore = forward(track, [link_m] * links, front, BEHIND).segment
     except (TrackEndError, ChainLockError):     # the track ends before the last row
@@ -405,53 +403,50 @@ def _along(segment: Segment, link_m: float, first: Places, count: int) -> Places
 
     The result is None if the rows cannot be solved simultaneously.
     """
-    number, begin, begin_lo = first
+    number, begin = first
     numbers = np.broadcast_to(number, (count, number.size))
     if isinstance(segment, SpiralSegment):
         chords = np.full((count, 1), link_m / segment.curve.b_m)
-        rows = _by_series(segment, begin, begin_lo, chords) if number.size > NODES else None
-        if rows is None and (found := placed(segment, (begin, begin_lo), chords)):
-            rows = found[:2]
-        return (numbers, rows[0][1:], rows[1][1:]) if rows else None
-    step, _ = segment.shifts(begin[:1], link_m, BEHIND, None)        # on a line or an arc, all shifts are equal
-    u, lo = begin, begin_lo
-    for part in product(np.arange(1.0, count + 1)[:, None], step[0]):
-        u, lo = plus(u, lo, part)
-    return (numbers, u, lo) if np.min(u) >= segment.first else None
+        rows = _by_series(segment, begin, chords) if number.size > NODES else None
+        if rows is None and (found := placed(segment, begin, chords)):
+            rows = found[0]
+        return (numbers, rows[1:]) if rows is not None else None
+    step, _ = segment.shifts(begin[:1], link_m, BEHIND)        # on a line or an arc, all shifts are equal
+    u = begin + np.arange(1.0, count + 1)[:, None] * step[0]
+    return (numbers, u) if np.min(u) >= segment.first else None
 
 
-def _by_series(spiral: SpiralSegment, begin: Floats, begin_lo: Floats, chords: Floats) -> tuple[Floats, Floats] | None:
+def _by_series(spiral: SpiralSegment, begin: Floats, chords: Floats) -> Floats | None:
     """Place the nodes of several parts using the series of a whole span; a spiral is smooth across all cuts.
 
     Equations are solved only for the nodes of the whole span. The result is None if the series do not converge.
     """
     nodes = transform(_SPAN_NODES)[0]
-    low, high = np.argmin(begin), np.argmax(begin)
-    length = (begin[high] - begin[low]) + (begin_lo[high] - begin_lo[low])
-    found = placed(spiral, plus(begin[low], begin_lo[low], 0.5 * (1 + nodes) * length), chords) if length else None
+    low, length = float(np.min(begin)), float(np.ptp(begin))
+    found = placed(spiral, low + 0.5 * (1 + nodes) * length, chords) if length else None
     if found is None:
         return None
-    u, lo = found[:2]
-    centre = u[:, [_SPAN_NODES // 2]], lo[:, [_SPAN_NODES // 2]]
-    series = series_of(((u - centre[0]) + (lo - centre[1])).T)
-    if np.any(np.abs(series[-2:]) > _SPAN_ENDS * np.abs(series[1])):
+    u = found[0]
+    centre = u[:, [_SPAN_NODES // 2]]
+    series = series_of((u - centre).T)
+    if np.any(np.abs(series[-2:]) > _SPAN_ENDS * np.abs(series[1]) + _HALF_ULP * np.max(u)):
         return None
-    at = 2 * (((begin - begin[low]) + (begin_lo - begin_lo[low])) / length) - 1
-    return plus(*centre, in_parts(np.asarray(chebyshev.chebvander(at, _SPAN_NODES - 1)), series).T)
+    at = 2 * ((begin - low) / length) - 1
+    out: Floats = centre + in_parts(np.asarray(chebyshev.chebvander(at, _SPAN_NODES - 1)), series).T
+    return out
 
 
 def on_one_segment(track: Track, places: Places) -> Places:
     """Return positions with each part on one segment; a node that rounding put beyond a joint is moved to the joint."""
     shape = -1, NODES
-    segment, u, lo = places[0].reshape(shape), places[1].reshape(shape), places[2].reshape(shape)
+    segment, u = places[0].reshape(shape), places[1].reshape(shape)
     if np.all(segment == segment[:, :1]):
         return places
     most: Ints = np.repeat(segment[:, NODES // 2], NODES).reshape(shape)
     for part, node in np.argwhere(segment != most).tolist():
         own = track.segments[int(most[part, node])]
         u[part, node] = own.first if segment[part, node] < most[part, node] else own.last
-        lo[part, node] = 0.0
-    return most.ravel(), u.ravel(), lo.ravel()
+    return most.ravel(), u.ravel()
 
 
 def scaled(coordinates: Floats) -> tuple[Floats, Floats, Floats]:
@@ -492,11 +487,10 @@ def _table(rows: _RowSeries, scaled: tuple[Floats, Floats, Floats], inverse: Flo
     terms = _enough(np.maximum(size[..., ::2], size[..., 1::2]))
     charts = half[:, :, leading] * np.maximum(np.abs(inverse), np.abs(x[:, :, leading]))
     nodes = max(int(np.max(terms)), int(np.max(_enough(charts))))
-    centre = plus(rows.origin[0], rows.origin[1], middle.T)
     powers = powers_of(inverse[:, :nodes].transpose(1, 0, 2).reshape(nodes, -1)).reshape(parts, -1, nodes)
     x, p, v = (read_only(np.ascontiguousarray(series[:, :nodes])) for series in (x, rows.places, rows.motions))
-    slack = NOISE / half[:, 0, leading].T
-    return Table(rows.segment, read_only(np.stack((*centre, scale.T), axis=-1)), leading.start, read_only(slack),
+    slack, centre = NOISE / half[:, 0, leading].T, np.stack((rows.origin + middle.T, scale.T), axis=-1)
+    return Table(rows.segment, read_only(centre), leading.start, read_only(slack),
                  read_only(powers.transpose(1, 0, 2).copy()), x, p, v, terms, rows.error_m)
 
 

@@ -25,7 +25,6 @@ from typing import NamedTuple
 import numpy as np
 
 from dragon_ros.core.numerics.chebyshev import columns_of, in_parts
-from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.shift_map.build import Span, Stretch, Table, build, span_of
 from dragon_ros.core.shift_map.cache import BuildCache
@@ -70,7 +69,6 @@ class Cell(NamedTuple):
     part: int
     slack: float
     middle: float
-    middle_lo: float
     scale: float
     inverse: list[float]
     products: dict[int, list[Product]]
@@ -123,7 +121,7 @@ class Groups:
         self.sides = dict[int, tuple[float, list[float], list[int]]]()
         before = (begins[0][1] - 1) % count
         for k in reversed(range(len(track.segments))):
-            on = [(place.u.hi, group) for place, group in begins if place.segment == k]
+            on = [(place.u, group) for place, group in begins if place.segment == k]
             sense = -1.0 if track.segments[k].rate(track.segments[k].last) > 0 else 1.0
             self.sides[k] = sense, [sense * u for u, _ in on], [before, *(group for _, group in on)]
             before = self.sides[k][2][-1]
@@ -131,11 +129,11 @@ class Groups:
     def of(self, place: Place) -> int:
         """Return the group that covers a position."""
         sense, begins, groups = self.sides[place[0]]
-        return groups[bisect_right(begins, sense * place[1][0])]
+        return groups[bisect_right(begins, sense * place[1])]
 
     def of_many(self, places: Places) -> Ints:
         """Return the groups that cover many positions."""
-        (segment, u, _), out = places, np.empty_like(places[0])
+        (segment, u), out = places, np.empty_like(places[0])
         for k in self._track.present(segment):
             (sense, begins, groups), on = self.sides[k], segment == k
             out[on] = np.array(groups)[np.searchsorted(begins, sense * u[on], side='right')]
@@ -187,16 +185,16 @@ class Tile:
         """The cells by segment; they are numbered by row (from ``table.first`` on) and part, the foremost first."""
         table, out = self.table, list[_SegmentCells | None]()
         rows = slice(table.first, table.first + len(table.slack))
-        segment, middle = table.segment[rows].ravel(), table.middle[rows].reshape(-1, 3)
-        fore = middle[:, 0] - 1 / middle[:, 2]
+        segment, middle = table.segment[rows].ravel(), table.middle[rows].reshape(-1, 2)
+        fore = middle[:, 0] - 1 / middle[:, 1]
         for k in range(len(self.track.segments)):
             cells = np.flatnonzero(segment == k)
             if not (cells.size and self.rear.segment <= k <= self.fore.segment):     # rows extend beyond the section
                 out.append(None)
                 continue
-            sense = float(np.sign(middle[cells[0], 2]))
-            low = sense * self.fore.u.hi if self.fore.segment == k else -inf
-            high = sense * self.rear.u.hi if self.rear.segment == k else inf
+            sense = float(np.sign(middle[cells[0], 1]))
+            low = sense * self.fore.u if self.fore.segment == k else -inf
+            high = sense * self.rear.u if self.rear.segment == k else inf
             out.append(_SegmentCells(sense, low, high, (sense * fore[cells]).tolist(), cells.tolist()))
         return out
 
@@ -207,8 +205,8 @@ class Tile:
     def _cell(self, number: int) -> Cell:
         """Return a cell, converted to floats."""
         table, (row, part) = self.table, divmod(number, self.table.parts)
-        high, low, scale = table.middle[table.first + row, part].tolist()
-        cell = Cell(table.first + row, part, 1 + table.slack.item(row, part), high, low, scale,
+        middle, scale = table.middle[table.first + row, part].tolist()
+        cell = Cell(table.first + row, part, 1 + table.slack.item(row, part), middle, scale,
                     table.inverse[row, part].tolist(), {})
         kept = self.kept
         if len(kept) >= _MOST_CELLS:
@@ -227,9 +225,8 @@ class Tile:
         side = self.sides[place[0]]
         if side is None:
             return _ELSEWHERE
-        high, low = place[1]
         sense, front, rear, begins, cells = side
-        along = sense * high
+        along = sense * place[1]
         if not front < along <= rear:
             return _ELSEWHERE
         if self.layout.groups is not None:     # as ``Groups.of``, without a call
@@ -239,8 +236,8 @@ class Tile:
         # A position before the first cell is in the first cell or in no cell.
         number = cells[bisect_right(begins, along, 1) - 1]
         cell = self._cells.get(number) or self._cell(number)
-        _, _, slack, middle, middle_lo, scale, inverse, _ = cell
-        x = ((high - middle) + (low - middle_lo)) * scale
+        _, _, slack, middle, scale, inverse, _ = cell
+        x = (place[1] - middle) * scale
         if not -slack <= x <= slack:
             return None
         u = 0.0
@@ -251,7 +248,7 @@ class Tile:
 
     def spots(self, places: Places) -> tuple[Spots, Array]:
         """Return the locations of many positions on the section, and whether the table covers each position."""
-        (segment, u, lo), table = places, self.table
+        (segment, u), table = places, self.table
         cell, known = np.zeros_like(segment), np.zeros(segment.shape, dtype=bool)
         for k in self.track.present(segment):
             side, on = self.sides[k], segment == k
@@ -261,7 +258,7 @@ class Tile:
                 known[on] = True
         row, part = np.divmod(cell, table.parts)
         middle, slack, inverse = table.middle[table.first + row, part], table.slack[row, part], table.inverse[row, part]
-        x = ((u - middle[:, 0]) + (lo - middle[:, 1])) * middle[:, 2]
+        x = (u - middle[:, 0]) * middle[:, 1]
         known &= np.abs(x) <= 1 + slack
         value = np.zeros_like(x)
         for coefficient in inverse.T:
@@ -272,15 +269,15 @@ class Tile:
     def place_at(self, spot: Spot, row: int) -> Place:
         """Return the position of the handle in another row."""
         part = spot.cell.part
-        middle, middle_lo, scale = self.table.middle[row, part].tolist()
+        middle, scale = self.table.middle[row, part].tolist()
         x = float(spot.basis @ self.table.coordinates[part, :, row])
-        return Place(int(self.table.segment[row, part]), DoubleDouble(*plus(middle, middle_lo, x / scale)))
+        return Place(int(self.table.segment[row, part]), middle + x / scale)
 
     def places_at(self, spots: Spots, row: Ints) -> Places:
         """Return the positions of many handles in other rows."""
         middle = self.table.middle[row, spots.part]
         x = np.einsum('sk,sk->s', spots.basis, self.table.coordinates[spots.part, :, row])
-        return self.table.segment[row, spots.part], *plus(middle[:, 0], middle[:, 1], x / middle[:, 2])
+        return self.table.segment[row, spots.part], middle[:, 0] + x / middle[:, 1]
 
     def products(self, cell: Cell, links: int, direction: int) -> list[Product]:
         """Return the products for ``links`` links beyond a cell, from head to tail.
@@ -320,14 +317,14 @@ class Tile:
     def places_many(self, spots: Spots, first: Ints, count: int) -> Places:
         """Return the positions (S, count) of handles in ``count`` rows from ``first`` (S,) on."""
         table, shape = self.table, (first.size, count)
-        segment, u, lo = np.empty(shape, dtype=np.int64), np.empty(shape), np.empty(shape)
+        segment, u = np.empty(shape, dtype=np.int64), np.empty(shape)
         for low, end, row, part in self._runs(spots, first):
             rows = slice(row, row + count)
-            middle, middle_lo, scale = table.middle[rows, part].T
+            middle, scale = table.middle[rows, part].T
             x = in_parts(spots.basis[low:end], table.coordinates[part, :, rows])
             segment[low:end] = table.segment[rows, part]
-            u[low:end], lo[low:end] = plus(middle, middle_lo, x / scale)
-        return segment, u, lo
+            u[low:end] = middle + x / scale
+        return segment, u
 
     def paces(self, spots: Spots) -> Floats:
         """Return the speeds of many handles for unit speed in row 0."""
@@ -406,7 +403,7 @@ class ShiftMap:
 
     def spots(self, places: Places) -> list[tuple[Ints, Spots]] | None:
         """Return the indices and the locations of many positions, by tile, or None if any is not in a table."""
-        segment, u, lo = places
+        segment, u = places
         numbers = self._numbers(places)
         if numbers is None:
             return None
@@ -419,7 +416,7 @@ class ShiftMap:
                 tile = self._tile(one, group)
                 if tile is None:
                     return None
-                spots, known = tile.spots((segment[rows], u[rows], lo[rows]))
+                spots, known = tile.spots((segment[rows], u[rows]))
                 if not np.all(known):
                     return None
                 out.append((rows, spots))
@@ -431,12 +428,12 @@ class ShiftMap:
         groups = layout.groups if layout else None
         if groups is None:
             return [(rows, 0)]
-        group = groups.of_many((places[0][rows], places[1][rows], places[2][rows]))
+        group = groups.of_many((places[0][rows], places[1][rows]))
         return [(rows[group == one], one) for one in sorted(set(group.tolist()))]
 
     def _numbers(self, places: Places) -> Ints | None:
         """Return the indices of the sections of many positions, or None if floats cannot resolve links there."""
-        share = (self.track.distances(*places[:2]) + self._before_m) / self.section_m
+        share = (self.track.distances(*places) + self._before_m) / self.section_m
         if np.max(np.abs(share), initial=0.0) > 1 / _SHORTEST:
             return None
         number: Ints = np.floor(share).astype(np.int64)
@@ -446,7 +443,7 @@ class ShiftMap:
 
     def _number(self, place: Place) -> int:
         """Return the index of the section that contains a position."""
-        number = floor((self.track.about_m(place) + self._before_m) / self.section_m)
+        number = floor((self.track.distance_of(place) + self._before_m) / self.section_m)
         while self._is_behind(place, number):
             number -= 1
         while not self._is_behind(place, number + 1):
@@ -460,7 +457,7 @@ class ShiftMap:
             return self._section(number)[0] >= self.track.end_m
         if place.segment != begin.segment:
             return place.segment < begin.segment
-        return bool((place.u.hi - begin.u.hi) * self.track.segments[place.segment].rate(place.u.hi) < 0)
+        return bool((place.u - begin.u) * self.track.segments[place.segment].rate(place.u) < 0)
 
     def _boundary(self, number: int) -> Place | None:
         """Return the cached position at which a section begins, or None if it is beyond the track."""
@@ -507,7 +504,7 @@ class ShiftMap:
         segment = self.track.segments[last if side > 0 else 0]
         u = segment.last if side > 0 else segment.first
         sense = side if abs(u) == inf else 0
-        return Place(last if side > 0 else 0, DoubleDouble(u if sense else u + self._beyond(segment, u, side), 0.0))
+        return Place(last if side > 0 else 0, u if sense else u + self._beyond(segment, u, side))
 
     @staticmethod
     def _beyond(segment: object, u: float, side: int) -> float:

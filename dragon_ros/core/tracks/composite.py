@@ -1,57 +1,52 @@
 """Tracks (segments joined end to end) and positions on tracks.
 
 A track is a sequence of segments in the head's direction; a single spiral is a track of one segment. A position
-(``Place``) consists of the index of a segment and a coordinate on that segment, stored as a double-double. The next
-handle is at the first position behind (or ahead of) the previous handle at which the straight distance between them
-equals the length of the link. A composite track is rejected unless its largest curvature times the longest link is
-below 2. The chord then grows along the track until it reaches the length of the link, so exactly one such position
-exists within ``reach_m``. This position moves forward when the preceding handle does, and no link ever locks. A
-single spiral leads to its centre, where links may lock and followers may turn back; ``may_lock`` is true for such a
-track.
+(``Place``) consists of the index of a segment and a coordinate on that segment. The next handle is at the first
+position behind (or ahead of) the previous handle at which the straight distance between them equals the length of the
+link. A composite track is rejected unless its largest curvature times the longest link is below 2. The chord then grows
+along the track until it reaches the length of the link, so exactly one such position exists within ``reach_m``. This
+position moves forward when the preceding handle does, and no link ever locks. A single spiral leads to its centre,
+where links may lock and followers may turn back; ``may_lock`` is true for such a track.
 """
 import cmath
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import degrees, hypot, inf, nextafter, pi, radians, remainder
+from math import degrees, hypot, inf, pi, radians, remainder
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from dragon_ros.core.checks import number
+from dragon_ros.core.domain import TRACK
 from dragon_ros.core.errors import FieldError, TrackEndError
-from dragon_ros.core.numerics.double_double import DoubleDouble, from_turns, plus
 from dragon_ros.core.numerics.roots import bracketed_newton
 from dragon_ros.core.numerics.types import Array, Floats, Ints, read_only
 from dragon_ros.core.tracks.s_turn import s_turn_segments
-from dragon_ros.core.tracks.segments import BEHIND, LARGEST_BEND, ArcSegment, LineSegment, Segment, arc_from, reach_m
+from dragon_ros.core.tracks.segments import BEHIND, LARGEST_BEND, ArcSegment, LineSegment, Segment, reach_m
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn, TrackSpec
-from dragon_ros.core.tracks.spiral import TIGHT, TINY, SpiralCurve, SpiralSegment, first_peak
+from dragon_ros.core.tracks.spiral import TIGHT, TINY, SpiralCurve, SpiralSegment
 
-# The largest distance before the start of a track at which the low part of an angle is still small, in metres (in
-# radians on a circle).
-_FURTHEST = 1e9
 _ULPS = 2.0**-49    # bound on the sum of a few rounding errors, relative to a coordinate and its distance
 _HAIR = 1e-9        # how far rounding may put the leader beyond the track's end, relative to a distance
 _SLACK = 0.02       # how far a follower may be put beyond the end, relative to a link
 WIDEST_RAD = 1.3    # approximate limit on a link's span on an inward spiral; a wider link may be close to locking
-_ROUNDING = 1e-14   # how far rounding may put a link of zero length beyond the track's end, relative to a coordinate
 _NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # largest difference between the end of a piece and the stated start of the next
 
-Places = tuple[Ints, Floats, Floats]        # indices of the segments, and the coordinates on them as (hi, lo)
+Places = tuple[Ints, Floats]        # indices of the segments, and the coordinates on them
 
 
 class Place(NamedTuple):
     """A position on a track: the index of a segment and a coordinate on that segment."""
 
     segment: int
-    u: DoubleDouble
+    u: float
 
     @classmethod
-    def of(cls, segment: Any, u: Any, lo: Any) -> 'Place':
+    def of(cls, segment: Any, u: Any) -> 'Place':
         """Return the position given by array elements or plain numbers."""
-        return cls(int(segment), DoubleDouble(float(u), float(lo)))
+        return cls(int(segment), float(u))
 
 
 def least_radius_m(links_m: Floats) -> float:
@@ -61,20 +56,11 @@ def least_radius_m(links_m: Floats) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Segments in the head's direction; ``origins_m`` holds the distances of their anchors along the track.
-
-    At large distances, a single float is less precise than the promised accuracy. If segments are laid end to end,
-    ``origins_lo_m`` therefore holds the low parts of the distances.
-    """
+    """Segments in the head's direction; ``origins_m`` holds the distances of their anchors along the track."""
 
     segments: tuple[Segment, ...]
     origins_m: tuple[float, ...]
     may_lock: bool = False
-    origins_lo_m: tuple[float, ...] = ()
-
-    @cached_property
-    def _origins_lo_m(self) -> tuple[float, ...]:
-        return self.origins_lo_m or (0.0,) * len(self.segments)
 
     @cached_property
     def bend(self) -> float:
@@ -122,15 +108,9 @@ class Track:
             return inf if k else -inf
         return float(self.origins_m[k] + self.segments[k].metres(u))
 
-    def distance_of(self, place: Place) -> tuple[float, float]:
-        """Return the distance of a position along the track, as (hi, lo)."""
-        k, (u, lo) = place
-        segment = self.segments[k]
-        return plus(segment.metres(u), segment.metres_lo(u, lo) + self._origins_lo_m[k], self.origins_m[k])
-
-    def about_m(self, place: Place) -> float:
-        """Return the approximate distance of a position along the track."""
-        return self._distance(place.segment, place.u.hi)
+    def distance_of(self, place: Place) -> float:
+        """Return the distance of a position along the track."""
+        return self._distance(place.segment, place.u)
 
     def check_links(self, links_m: Floats) -> None:
         """Reject links that are too long for the tightest bend of a composite track; the error names the bend."""
@@ -141,7 +121,7 @@ class Track:
                              f'{least:.6g} m, 1.01 times half the longest link, and the chain could lock there',
                              'use a larger radius or shorter benches')
 
-    def place_at(self, metres: float, lo: float = 0.0, from_m: float = 0.0) -> Place:
+    def place_at(self, metres: float, from_m: float = 0.0) -> Place:
         """Return the position at a distance along the track. Raises TrackEndError beyond either end.
 
         Rounding may put a distance slightly beyond an end; the tolerance for this grows with the distance of that end
@@ -154,19 +134,15 @@ class Track:
                                     f'{self.begin_m:.9g} to '
                                     f'{self.end_m:.9g} m', distance_m=metres, limit_m=self.end_m)
         k = bisect_right(self.joints_m, metres)
-        origin = self.origins_m[k]
-        here, here_lo = plus(metres, lo - self._origins_lo_m[k], -origin) if origin else (metres, lo)
-        return Place(k, self.segments[k].after(here, here_lo))
+        return Place(k, self.segments[k].after(metres - self.origins_m[k]))
 
-    def places_at(self, metres: Floats, lo: Floats) -> Places:
+    def places_at(self, metres: Floats) -> Places:
         """Return the positions at many distances, all of which must be on the track (see ``place_at``)."""
         number = np.searchsorted(np.array(self.joints_m), metres, side='right')
-        u, u_lo = np.empty_like(metres), np.empty_like(metres)
-        here, here_lo = plus(metres, lo - np.array(self._origins_lo_m)[number], -np.array(self.origins_m)[number])
+        here, u = metres - np.array(self.origins_m)[number], np.empty_like(metres)
         for k in self.present(number):
-            on = number == k
-            u[on], u_lo[on] = self.segments[k].after_many(here[on], here_lo[on])
-        return number, u, u_lo
+            u[number == k] = self.segments[k].after(here[number == k])
+        return number, u
 
     def present(self, number: Ints) -> list[int]:
         """Return the segment indices that occur in ``number``, in ascending order."""
@@ -183,44 +159,24 @@ class Track:
     def between(self, low_m: float, high_m: float) -> list[tuple[Segment, float, float]]:
         """Return the segments between two distances, each as (segment, u at its beginning, u at its end)."""
         first, last = self.place_at(low_m), self.place_at(high_m)
-        return [(segment, first.u.hi if k == first.segment else segment.first,
-                 last.u.hi if k == last.segment else segment.last)
+        return [(segment, first.u if k == first.segment else segment.first,
+                 last.u if k == last.segment else segment.last)
                 for k, segment in enumerate(self.segments) if first.segment <= k <= last.segment]
 
     def far_m(self, low_m: float, high_m: float) -> float:
         """Return an upper bound on the distance from the origin to any point between two distances along the track."""
-        return max(segment.far_m(a, b) for segment, a, b in self.between(low_m, high_m))
-
-    def plane_m(self, low_m: float, high_m: float) -> float:
-        """Return a bound like ``far_m`` that does not grow with the distance of a segment's centre."""
-        return max(min(segment.far_m(a, b), abs(complex(segment.at(0.5 * (a + b))))
+        return max(min(segment.far_m(a, b), abs(complex(segment.at(0.5 * (a + b))))     # a centre may be far away
                        + 0.5 * float(segment.metres_between(a, b)))
                    for segment, a, b in self.between(low_m, high_m))
 
-    def laid_from_m(self, metres: float) -> float:
-        """Return an upper bound on the distance from the origin to any point of the pieces that end before a position.
-
-        A rounding error at the end of a piece moves all later pieces.
-        """
-        before = self.segments[:self.place_at(metres).segment] if self.origins_lo_m else ()
-        return max((segment.far_m(segment.after(0.0).hi, segment.last) for segment in before), default=0.0)
-
     def next(self, place: Place, chord_m: float, direction: int) -> tuple[Place, int]:
-        """Return the position of the next handle behind (``direction`` BEHIND) or ahead, and the number of evaluations.
-
-        Exactly at a lock, rounding may remove the root; the result is then the position at which the chord is
-        longest.
-        """
-        segment, u = self.segments[place.segment], place.u
-        edge = self.edge(place.segment, chord_m, direction)
-        following, spent = segment.next(u, chord_m, direction)
-        if min(u.hi, edge) <= following.hi <= max(u.hi, edge) and abs(following.hi) < inf:
-            return Place(place.segment, following), spent
-        if self.may_lock:
-            delta, more = first_peak(u.hi, pi)
-            return Place(0, DoubleDouble(*plus(*u, delta))), spent + more
-        found, more = self.across(place, chord_m, direction)
-        return found, spent + more
+        """Return the next handle's position, behind (``direction`` BEHIND) or ahead, and the number of evaluations."""
+        k, u = place
+        found, spent = self.segments[k].march(u, [chord_m], direction, self.edge(k, chord_m, direction))
+        if found:
+            return Place(k, found[0]), spent
+        there, more = self.across(place, chord_m, direction)
+        return there, spent + more
 
     def edge(self, k: int, chord_m: float, direction: int) -> float:
         """Return the coordinate at which segment k ends behind or ahead (slightly beyond it at an end of the track)."""
@@ -229,7 +185,7 @@ class Track:
         if 0 <= k + direction < len(self.segments) or abs(edge) == inf:
             return edge
         rate = segment.rate(edge)
-        return float(edge + direction * (_SLACK * chord_m + _ROUNDING * (1 + abs(rate * edge))) / rate)
+        return float(edge + direction * _SLACK * chord_m / rate)
 
     def across(self, place: Place, chord_m: float, direction: int) -> tuple[Place, int]:
         """Return the next position, which is on another segment, and the number of evaluations.
@@ -237,9 +193,8 @@ class Track:
         Raises TrackEndError if there is no such position.
         """
         k, segment = place.segment, self.segments[place.segment]
-        here = complex(segment.at(*place.u))
-        gone = float(segment.metres_between(place.u.hi, segment.first if direction == BEHIND else segment.last)
-                     - direction * segment.rate(place.u.hi) * place.u.lo)
+        here = complex(segment.at(place.u))
+        gone = float(segment.metres_between(place.u, segment.first if direction == BEHIND else segment.last))
         reach = reach_m(self.bend, chord_m)
         while 0 <= (k := k + direction) < len(self.segments):
             segment = self.segments[k]
@@ -249,7 +204,7 @@ class Track:
                 return self._cut(k, here, chord_m, direction, (gone, reach))
             gone += longest
         raise TrackEndError(f'a link of {chord_m:.6g} m does not fit on the track, which is too short there; start the '
-                            'head further along, or lengthen the first piece', distance_m=self.distance_of(place)[0])
+                            'head further along, or lengthen the first piece', distance_m=self.distance_of(place))
 
     def _cut(self, k: int, here: complex, chord_m: float, direction: int,
              arcs_m: tuple[float, float]) -> tuple[Place, int]:
@@ -264,18 +219,18 @@ class Track:
         near, far = segment.last if direction == BEHIND else segment.first, self.edge(k, chord_m, direction)
         left, sense = max(reach - gone, 0.0), 1.0 if far > near else -1.0
         hair = self._joint_hair_m / abs(segment.rate(near))
-        most = min(abs(segment.after(segment.metres(near) + direction * left).hi - near) + hair, abs(far - near))
+        most = min(abs(segment.after(segment.metres(near) + direction * left) - near) + hair, abs(far - near))
         base = most + hair
 
         def excess(x: float) -> tuple[float, float]:
-            u, low = plus(near, 0.0, sense * (x - base))
-            link = complex(segment.at(u, low)) - here
+            u = near + sense * (x - base)
+            link = complex(segment.at(u)) - here
             growth = (link.conjugate() * complex(segment.heading(u))).real * segment.rate(u) * sense
             return 0.5 * (link.real * link.real + link.imag * link.imag - chord_m * chord_m), growth
 
         start = base + most * min(max((chord_m - gone) / left, 0.0), 1.0) if left else base
         x, spent = bracketed_newton(excess, most, base + most, start, TIGHT)
-        return Place(k, DoubleDouble(*plus(near, 0.0, sense * (x - base)))), spent
+        return Place(k, near + sense * (x - base)), spent
 
     @cached_property
     def _joint_hair_m(self) -> float:
@@ -284,14 +239,13 @@ class Track:
         return _ULPS * max((abs(float(m)) for segment, u in ends for m in (u * segment.rate(u), segment.metres(u))),
                            default=0.0)
 
-    def across_many(self, k: int, u: tuple[Floats, Floats], chord_m: float, direction: int) -> tuple[Places, int]:
-        """Return the next positions on other segments (see ``across``) for many positions (hi, lo) on segment k."""
+    def across_many(self, k: int, u: Floats, chord_m: float, direction: int) -> tuple[Places, int]:
+        """Return the next positions on other segments (see ``across``) for many positions on segment k."""
         start, segment, spent = k, self.segments[k], 0
-        here = np.asarray(segment.at(*u), dtype=np.complex128)
-        gone = np.asarray(segment.metres_between(u[0], segment.first if direction == BEHIND else segment.last)
-                          - direction * segment.rate(u[0]) * u[1])
+        here = np.asarray(segment.at(u), dtype=np.complex128)
+        gone = np.asarray(segment.metres_between(u, segment.first if direction == BEHIND else segment.last))
         reach = reach_m(self.bend, chord_m)
-        out: Places = np.full(here.shape, k), np.empty(here.shape), np.empty(here.shape)
+        out: Places = np.full(here.shape, k), np.empty(here.shape)
         left = np.arange(here.size)
         while left.size and 0 <= (k := k + direction) < len(self.segments):
             segment = self.segments[k]
@@ -302,12 +256,12 @@ class Track:
             on = left[hit]
             if on.size:
                 out[0][on] = k
-                (out[1][on], out[2][on]), evaluations = _cuts(segment, (near, far), here[on], chord_m, direction,
-                                                              (gone[on], reach, self._joint_hair_m))
+                out[1][on], evaluations = _cuts(segment, (near, far), here[on], chord_m, direction,
+                                                (gone[on], reach, self._joint_hair_m))
                 spent += evaluations
             gone, left = gone + longest, left[~hit]
         for n in left[:1]:      # raises the error
-            self.across(Place.of(start, u[0][n], u[1][n]), chord_m, direction)
+            self.across(Place.of(start, u[n]), chord_m, direction)
         return out, spent
 
     @cached_property
@@ -324,6 +278,10 @@ class Track:
         """Return the distances of many positions along the track; ``segment`` has the same meaning as in ``poses``."""
         return self._each(segment, u, lambda k, u: self.origins_m[k] + self.segments[k].metres(u))
 
+    def rates(self, segment: Ints, u: Floats) -> Floats:
+        """Return the changes of distance along the track (m) with the coordinate, at many positions."""
+        return self._each(segment, u, lambda k, u: self.segments[k].rate(u))
+
     def curvatures(self, segment: Ints, u: Floats) -> Floats:
         """Return the signed curvatures (1/m) at many positions."""
         return self._each(segment, u, lambda k, u: self.segments[k].curvature(u))
@@ -338,30 +296,30 @@ class Track:
             flat[here] = value(k, u[here])
         return out
 
-    def points(self, segment: Ints, u: Floats, lo: Floats) -> Floats:
+    def points(self, segment: Ints, u: Floats) -> Floats:
         """Return the points at many positions (m, shape (..., 2))."""
-        return self._vectors(segment, u, lo, lambda k, u, lo: self.segments[k].at(u, lo))
+        return self._vectors(segment, u, lambda k, u: self.segments[k].at(u))
 
-    def headings(self, segment: Ints, u: Floats, lo: Floats) -> Floats:
+    def headings(self, segment: Ints, u: Floats) -> Floats:
         """Return the unit tangents (shape (..., 2)) in the head's direction."""
-        return self._vectors(segment, u, lo, lambda k, u, lo: self.segments[k].heading(u, lo))
+        return self._vectors(segment, u, lambda k, u: self.segments[k].heading(u))
 
-    def poses(self, segment: Ints, u: Floats, lo: Floats) -> tuple[Floats, Floats]:
+    def poses(self, segment: Ints, u: Floats) -> tuple[Floats, Floats]:
         """Return the results of ``points`` and ``headings``; computing both takes little longer than computing one.
 
         If ``segment`` lacks the last axes of ``u``, each index applies to all positions along these axes.
         """
         points, headings = (np.empty(u.shape, dtype=np.complex128) for _ in range(2))
-        u, lo, p, h = self._flattened(segment, u, lo, points, headings)
+        u, p, h = self._flattened(segment, u, points, headings)
         for k, here in self._groups(segment):
-            p[here], h[here] = self.segments[k].poses(u[here], lo[here])
+            p[here], h[here] = self.segments[k].poses(u[here])
         return _vectors_of(points), _vectors_of(headings)
 
-    def _vectors(self, segment: Ints, u: Floats, lo: Floats, value: Callable[[int, Floats, Floats], Array]) -> Floats:
+    def _vectors(self, segment: Ints, u: Floats, value: Callable[[int, Floats], Array]) -> Floats:
         out = np.empty(u.shape, dtype=np.complex128)
-        u, lo, flat = self._flattened(segment, u, lo, out)
+        u, flat = self._flattened(segment, u, out)
         for k, here in self._groups(segment):
-            flat[here] = value(k, u[here], lo[here])
+            flat[here] = value(k, u[here])
         return _vectors_of(out)
 
     def _flattened(self, segment: Ints, *values: Array) -> tuple[Array, ...]:
@@ -414,22 +372,19 @@ def _guessed(segment: Segment, near: float, here: Array, chord_m: float, directi
 
 
 def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: float, direction: int,
-          arcs_m: tuple[Floats, float, float]) -> tuple[tuple[Floats, Floats], int]:
+          arcs_m: tuple[Floats, float, float]) -> tuple[Floats, int]:
     """Find the positions that ``Track._cut`` would return for many points, using bracketed Newton iteration."""
     (near, far), (gone, reach, hair_m) = ends, arcs_m
     rate, sense = abs(float(segment.rate(near))), 1.0 if far > near else -1.0
     left, hair = np.maximum(reach - gone, 0.0), hair_m / rate
-    if isinstance(segment, SpiralSegment):
-        along = np.abs(segment.after_many(segment.metres(near) + direction * left, np.zeros_like(gone))[0] - near)
-    else:
-        along = left / rate
+    along = np.abs(segment.after(segment.metres(near) + direction * left) - near)
     most = np.minimum(along + hair, abs(far - near))
     low, high = np.full_like(gone, -hair), most
     x = np.clip(_guessed(segment, near, here, chord_m, direction) / rate, low, most)
     last, spent = most + hair, 0
     for _ in range(80):
-        u, lo = plus(near, 0.0, sense * x)
-        point, heading = segment.poses(u, lo)
+        u = near + sense * x
+        point, heading = segment.poses(u)
         link = point - here
         value = 0.5 * (link.real * link.real + link.imag * link.imag - chord_m * chord_m)
         slope = (link.conjugate() * heading).real * segment.rate(u) * sense
@@ -441,7 +396,7 @@ def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: flo
         last, x = np.abs(following - x), following
         if np.all(small | (high - low <= 4e-16 * (most + hair))):
             break
-    return plus(near, 0.0, sense * x), spent
+    return near + sense * x, spent
 
 
 def track_of(spec: TrackSpec, direction: int = BEHIND) -> Track:
@@ -454,14 +409,11 @@ def track_of(spec: TrackSpec, direction: int = BEHIND) -> Track:
     if isinstance(spec, Spiral):
         if direction == BEHIND:
             return spiral_track(spec, 0.0, may_lock=True)
-        start, lo = spec.start
-        return spiral_track(spec, start if lo >= 0 else nextafter(start, 0.0))      # includes the start itself
+        return spiral_track(spec, spec.start)
     if isinstance(spec, STurn):
         return Track(*s_turn_segments(spec))
     track = _composite(spec)
-    first = track.segments[0]
-    scale_m = min(1.0, first.radius_m) if isinstance(first, ArcSegment) else 1.0
-    number('track.start_m', spec.start_m, high=track.end_m, low=max(track.begin_m, -_FURTHEST * scale_m))
+    number('track.start_m', spec.start_m, high=track.end_m, low=max(track.begin_m, -TRACK.high))
     return track
 
 
@@ -472,19 +424,16 @@ def spiral_track(spiral: Spiral, last_rad: float, may_lock: bool = False) -> Tra
 
 def _composite(spec: Composite) -> Track:
     segments: list[Segment] = []
-    origins = [(0.0, 0.0)]
+    origins = [0.0]
     first = spec.pieces[0]
     point, heading = complex(*(first.at_m or (0.0, 0.0))), cmath.rect(1.0, radians(first.heading_deg or 0.0))
     for k, piece in enumerate(spec.pieces):
         _check_joint(k, piece, point, heading)
         one = _segment(piece, point, heading, open_ended=k == 0)
         segments.append(one)
-        end = from_turns(piece.to_turns) if isinstance(piece, SpiralArc) else DoubleDouble(one.last, 0.0)
-        origins.append(plus(*origins[-1], one.metres(end.hi)))
-        origins[-1] = plus(*origins[-1], one.metres_lo(*end))
-        point, heading = complex(one.at(*end)), complex(one.heading(*end))
-    return Track(tuple(segments), tuple(metres for metres, _ in origins[:-1]),
-                 origins_lo_m=tuple(lo for _, lo in origins[:-1]))
+        origins.append(origins[-1] + one.metres(one.last))
+        point, heading = _end_of(piece, one)
+    return Track(tuple(segments), tuple(origins[:-1]))
 
 
 def _segment(piece: Piece, start: complex, heading: complex, open_ended: bool) -> Segment:
@@ -497,17 +446,35 @@ def _segment(piece: Piece, start: complex, heading: complex, open_ended: bool) -
         return LineSegment(start, heading, -inf if open_ended else 0.0, piece.length_m)
     if isinstance(piece, Arc):
         side = 1 if piece.angle_deg > 0 else -1
-        arc = arc_from(start, heading, piece.radius_m, side, abs(radians(piece.angle_deg)))
-        return ArcSegment(arc.centre, arc.spoke, arc.radius_m, side, -inf, arc.last) if open_ended else arc
-    curve = SpiralCurve(piece.pitch_m, from_turns(piece.from_turns))
+        return ArcSegment(start, heading, piece.radius_m, side, -inf if open_ended else 0.0,
+                          abs(radians(piece.angle_deg)))
+    curve = SpiralCurve(piece.pitch_m, 2 * pi * piece.from_turns)
     way = BEHIND if piece.to_turns < piece.from_turns else 1
     side = 1 if (piece.side == 'left') == (way == 1) else -1
-    theta, last = curve.start.hi, from_turns(piece.to_turns).hi
+    theta, last = curve.start, 2 * pi * piece.to_turns
     bare = SpiralSegment(curve, 0j, 1 + 0j, side, way, theta, last)
-    rotation = heading / complex(bare.heading(*curve.start))
+    point, direction = bare.posed(theta, _turned(side * piece.from_turns))
+    rotation = heading / direction
     rotation /= abs(rotation)
-    centre = start - rotation * complex(bare.at(*curve.start))
+    centre = start - rotation * point
     return SpiralSegment(curve, centre, rotation, side, way, inf if open_ended and way == BEHIND else theta, last)
+
+
+def _end_of(piece: Piece, segment: Segment) -> tuple[complex, complex]:
+    """Return the point and the unit tangent at the end of a piece.
+
+    Whole turns are left out, because the rounding of large angles would turn all later pieces.
+    """
+    if isinstance(segment, SpiralSegment) and isinstance(piece, SpiralArc):
+        point, heading = segment.posed(segment.last, _turned(segment.side * piece.to_turns))
+        return complex(point), complex(heading)
+    u = radians(abs(piece.angle_deg) % 360) if isinstance(piece, Arc) else segment.last
+    return complex(segment.at(u)), complex(segment.heading(u))
+
+
+def _turned(turns: float) -> complex:
+    """Return exp(2 pi i turns)."""
+    return cmath.rect(1.0, 2 * pi * remainder(turns, 1.0))
 
 
 def _check_joint(k: int, piece: Piece, point: complex, heading: complex) -> None:

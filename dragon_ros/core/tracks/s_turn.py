@@ -1,26 +1,21 @@
 """The S-turn (``spec.STurn``): two tangent arcs from the inward spiral to a copy of it rotated by half a turn."""
 from dataclasses import dataclass, replace
-from fractions import Fraction
 from math import asin, inf, pi, sin, sqrt
 
-from dragon_ros.core.numerics.double_double import from_turns
-from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Segment, arc_from
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND, ArcSegment, Segment
 from dragon_ros.core.tracks.spec import STurn
 from dragon_ros.core.tracks.spiral import SpiralCurve, SpiralSegment
 
 
 def s_turn_segments(turn: STurn) -> tuple[tuple[Segment, ...], tuple[float, ...]]:
     """Return the segments of a track that is open at both ends, and the distances of their anchors from the entry."""
-    # If the entry angle were a single float, both spirals would be off by half an ulp of the angle times the radius.
-    curve = SpiralCurve(turn.pitch_m, from_turns(Fraction(turn.diameter_m) / 2 / Fraction(turn.pitch_m)))
-    theta = curve.start.hi
+    curve = SpiralCurve(turn.pitch_m, 2 * pi * turn.entry_turns)
+    theta, turned, (first_m, second_m) = curve.start, turn.angle_rad, turn.radii_m
     way_in = SpiralSegment(curve, 0j, 1 + 0j, 1, BEHIND, inf, theta)
     way_out = SpiralSegment(curve, 0j, -1 + 0j, 1, AHEAD, theta, inf)
-    first = arc_from(complex(way_in.at(*curve.start)), complex(way_in.heading(*curve.start)), turn.radii_m[0], -1,
-                     turn.angle_rad)
-    turned = first.last
-    second = arc_from(complex(first.at(turned)), complex(first.heading(turned)), turn.radii_m[1], 1, turned)
-    return (way_in, first, second, way_out), (0.0, 0.0, turn.radii_m[0] * turned, turn.length_m)
+    first = ArcSegment(complex(way_in.at(theta)), complex(way_in.heading(theta)), first_m, -1, 0.0, turned)
+    second = ArcSegment(complex(first.at(turned)), complex(first.heading(turned)), second_m, 1, 0.0, turned)
+    return (way_in, first, second, way_out), (0.0, 0.0, first_m * turned, turn.length_m)
 
 
 @dataclass(frozen=True)

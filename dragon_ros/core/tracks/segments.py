@@ -2,7 +2,7 @@
 
 Points and directions are complex numbers or complex arrays; ``heading`` is the head's direction along the segment.
 The coordinate u along a segment is the distance in metres on a line, the angle turned in radians on an arc and the
-polar angle on a spiral (``spiral``). It is stored as a double-double (hi, lo).
+polar angle on a spiral (``spiral``).
 """
 import cmath
 from collections.abc import Iterable
@@ -12,7 +12,6 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from dragon_ros.core.numerics.double_double import DoubleDouble, plus, product
 from dragon_ros.core.numerics.types import Array, Floats
 
 BEHIND, AHEAD = -1, 1         # against and along the head's direction
@@ -20,11 +19,20 @@ LARGEST_BEND = 1.98     # limit on curvature times chord: links may lock at 2; r
 
 
 class Past(NamedTuple):
-    """The predictor's state for many positions: differences of squared angles (M,) over the last three links."""
+    """What is known of many positions (M,): differences of squared angles over up to three links, the latest first.
 
-    d1: Floats
-    d2: Floats
-    d3: Floats
+    ``rest`` is what rounding has left out of the coordinates (Kahan's summation).
+    """
+
+    squares: tuple[Floats, ...]
+    rest: Floats | float
+
+    def some(self, which: Array) -> 'Past':
+        """Return what is known of a subset of the positions."""
+        return Past(tuple(each[which] for each in self.squares), np.asarray(self.rest)[which])
+
+
+NEW = Past((), 0.0)
 
 
 class Segment(Protocol):
@@ -45,15 +53,15 @@ class Segment(Protocol):
         """Largest curvature (1/m)."""
         ...
 
-    def at(self, u: Any, lo: Any = 0.0) -> Any:
+    def at(self, u: Any) -> Any:
         """Return the point."""
         ...
 
-    def poses(self, u: Floats, lo: Floats) -> tuple[Array, Array]:
+    def poses(self, u: Floats) -> tuple[Array, Array]:
         """Return points and unit tangents at many positions."""
         ...
 
-    def heading(self, u: Any, lo: Any = 0.0) -> Any:
+    def heading(self, u: Any) -> Any:
         """Return the unit tangent in the head's direction."""
         ...
 
@@ -65,10 +73,6 @@ class Segment(Protocol):
         """Return the distance from the anchor to u, positive in the head's direction."""
         ...
 
-    def metres_lo(self, u: Any, lo: Any) -> Any:
-        """Return the difference between the distance from the anchor to u + lo and ``metres(u)``, as one float."""
-        ...
-
     def metres_between(self, a: Any, b: float) -> Any:
         """Return the length of the segment between two coordinates, computed without cancellation."""
         ...
@@ -77,29 +81,18 @@ class Segment(Protocol):
         """Return the curvature (1/m), positive if the head turns left; it is monotone along the segment."""
         ...
 
-    def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
+    def after(self, metres: Any) -> Any:
         """Return the coordinate at a distance in metres from the anchor, measured in the head's direction."""
-        ...
-
-    def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return the coordinates at many distances (see ``after``), as (hi, lo)."""
         ...
 
     def far_m(self, a: float, b: float) -> float:
         """Return an upper bound on the distance from the origin to the segment between two coordinates."""
         ...
 
-    def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
-        """Return the nearest position that is one chord away (inf if there is none), and the number of evaluations.
-
-        The position may be beyond the end of the segment.
-        """
-        ...
-
-    def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
+    def shifts(self, u: Floats, chord_m: float, direction: int, past: Past = NEW) -> tuple[Floats, int]:
         """Return the coordinate changes to the next positions (inf if there is none), and the number of evaluations.
 
-        The changes are predicted from ``past`` if it is given. Raises ChainLockError if a link locks.
+        The changes are predicted from ``past``. Raises ChainLockError if a link locks.
         """
         ...
 
@@ -107,9 +100,8 @@ class Segment(Protocol):
         """Return the input of the predictor for the given coordinate changes."""
         ...
 
-    def march(self, u: DoubleDouble, links_m: list[float], direction: int,
-              edge: float) -> tuple[list[float], list[float], int]:
-        """Return the coordinates (hi, lo) of the next handles, one for each link, and the number of evaluations.
+    def march(self, u: float, links_m: list[float], direction: int, edge: float) -> tuple[list[float], int]:
+        """Return the coordinates of the next handles, one for each link, and the number of evaluations.
 
         The march stops before the first handle that is beyond ``edge`` or cannot be placed.
         """
@@ -126,17 +118,17 @@ class LineSegment:
     last: float
     bend = 0.0
 
-    def at(self, u: Any, lo: Any = 0.0) -> Any:
+    def at(self, u: Any) -> Any:
         """Return the point."""
-        return self.start + self.direction * u + self.direction * lo
+        return self.start + self.direction * u
 
-    def heading(self, u: Any, lo: Any = 0.0) -> Any:
+    def heading(self, u: Any) -> Any:
         """Return the unit tangent in the head's direction."""
         return self.direction + 0 * u
 
-    def poses(self, u: Floats, lo: Floats) -> tuple[Array, Array]:
+    def poses(self, u: Floats) -> tuple[Array, Array]:
         """Return points and unit tangents at many positions."""
-        return self.at(u, lo), self.heading(u)
+        return self.at(u), self.heading(u)
 
     def rate(self, u: Any) -> Any:
         """Return the distance in metres per unit of u."""
@@ -146,10 +138,6 @@ class LineSegment:
         """Return the distance from the start to u."""
         return u
 
-    def metres_lo(self, u: Any, lo: Any) -> Any:
-        """Return the low part of ``metres``."""
-        return lo
-
     def metres_between(self, a: Any, b: float) -> Any:
         """Return the length between two coordinates."""
         return abs(a - b)
@@ -158,23 +146,15 @@ class LineSegment:
         """Return 0."""
         return np.zeros_like(u)
 
-    def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
+    def after(self, metres: Any) -> Any:
         """Return the coordinate at a distance in metres from the start."""
-        return DoubleDouble(*plus(metres, lo, 0.0))
-
-    def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return the results of ``after`` for many distances."""
-        return plus(metres, lo, 0.0)
+        return metres
 
     def far_m(self, a: float, b: float) -> float:
         """Return an upper bound on the distance from the origin to the segment between two coordinates."""
         return max(abs(complex(self.at(a))), abs(complex(self.at(b))))
 
-    def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
-        """Return the position that is one chord away."""
-        return DoubleDouble(*plus(*u, direction * chord_m)), 1
-
-    def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
+    def shifts(self, u: Floats, chord_m: float, direction: int, past: Past = NEW) -> tuple[Floats, int]:
         """Return the coordinate changes to the next positions, and the number of evaluations."""
         return np.full_like(u, direction * chord_m), 0
 
@@ -182,21 +162,21 @@ class LineSegment:
         """Return ``shift`` itself: the changes have a closed form, so no predictor is needed."""
         return shift
 
-    def march(self, u: DoubleDouble, links_m: list[float], direction: int,
-              edge: float) -> tuple[list[float], list[float], int]:
+    def march(self, u: float, links_m: list[float], direction: int, edge: float) -> tuple[list[float], int]:
         """Return the coordinates of at most ``len(links_m)`` further handles."""
         return _shifted(u, links_m, direction, edge)
 
 
 @dataclass(frozen=True)
 class ArcSegment:
-    """An arc about ``centre``, from which the vector ``spoke`` leads to the start of the arc, the anchor.
+    """An arc from ``start``, the anchor, in the unit direction ``direction``.
 
-    ``side`` is 1 if the arc turns left and -1 if it turns right.
+    ``side`` is 1 if the arc turns left and -1 if it turns right. Points are computed from the start, not from the
+    centre, which may be far away: after an angle u, the chord 2 R sin(u / 2) has turned by u / 2.
     """
 
-    centre: complex
-    spoke: complex
+    start: complex
+    direction: complex
     radius_m: float
     side: int
     first: float
@@ -207,21 +187,18 @@ class ArcSegment:
         """Curvature (1/m)."""
         return 1 / self.radius_m
 
-    def at(self, u: Any, lo: Any = 0.0) -> Any:
+    def at(self, u: Any) -> Any:
         """Return the point."""
-        turned = 1j * self.side
-        return self.centre + self.spoke * (_turn(self.side * u) * (1 + turned * lo))
+        half = direction_at(0.5 * self.side * u)
+        return self.start + 2 * self.side * self.radius_m * self.direction * (half.imag * half)
 
-    def heading(self, u: Any, lo: Any = 0.0) -> Any:
+    def heading(self, u: Any) -> Any:
         """Return the unit tangent in the head's direction."""
-        turned = 1j * self.side
-        return turned * self.spoke / self.radius_m * (_turn(self.side * u) * (1 + turned * lo))
+        return self.direction * direction_at(self.side * u)
 
-    def poses(self, u: Floats, lo: Floats) -> tuple[Array, Array]:
-        """Return points and unit tangents at many positions, with each sine and cosine computed once."""
-        turned = 1j * self.side
-        turn = np.exp(1j * (self.side * u)) * (1 + turned * lo)
-        return self.centre + self.spoke * turn, turned * self.spoke / self.radius_m * turn
+    def poses(self, u: Floats) -> tuple[Array, Array]:
+        """Return points and unit tangents at many positions."""
+        return self.at(u), self.heading(u)
 
     def rate(self, u: Any) -> Any:
         """Return the distance in metres per unit of u."""
@@ -231,10 +208,6 @@ class ArcSegment:
         """Return the distance from the start to u."""
         return self.radius_m * u
 
-    def metres_lo(self, u: Any, lo: Any) -> Any:
-        """Return the low part of ``metres``."""
-        return product(self.radius_m, u)[1] + self.radius_m * lo
-
     def metres_between(self, a: Any, b: float) -> Any:
         """Return the length between two coordinates."""
         return self.radius_m * abs(a - b)
@@ -243,28 +216,15 @@ class ArcSegment:
         """Return the signed curvature."""
         return np.full_like(u, self.side / self.radius_m)
 
-    def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
-        """Return the coordinate at a distance in metres from the start, without loss of digits after many turns."""
-        return DoubleDouble(*self._after(metres, lo))
-
-    def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return the results of ``after`` for many distances."""
-        return self._after(metres, lo)
-
-    def _after(self, metres: Any, lo: Any) -> tuple[Any, Any]:
-        u = metres / self.radius_m
-        near_m, less_m = product(u, self.radius_m)
-        return plus(u, ((metres - near_m) - less_m + lo) / self.radius_m, 0.0)
+    def after(self, metres: Any) -> Any:
+        """Return the coordinate at a distance in metres from the start."""
+        return metres / self.radius_m
 
     def far_m(self, a: float, b: float) -> float:
         """Return an upper bound on the distance from the origin to the segment between two coordinates."""
-        return abs(self.centre) + self.radius_m
+        return abs(self.start + 1j * self.side * self.radius_m * self.direction) + self.radius_m
 
-    def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
-        """Return the position that is one chord away."""
-        return DoubleDouble(*plus(*u, direction * arc_span(self.radius_m, chord_m))), 1
-
-    def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
+    def shifts(self, u: Floats, chord_m: float, direction: int, past: Past = NEW) -> tuple[Floats, int]:
         """Return the coordinate changes to the next positions, and the number of evaluations."""
         return np.full_like(u, direction * arc_span(self.radius_m, chord_m)), 0
 
@@ -272,8 +232,7 @@ class ArcSegment:
         """Return ``shift`` itself: the changes have a closed form, so no predictor is needed."""
         return shift
 
-    def march(self, u: DoubleDouble, links_m: list[float], direction: int,
-              edge: float) -> tuple[list[float], list[float], int]:
+    def march(self, u: float, links_m: list[float], direction: int, edge: float) -> tuple[list[float], int]:
         """Return the coordinates of at most ``len(links_m)`` further handles."""
         spans = {link_m: arc_span(self.radius_m, link_m) for link_m in set(links_m)}
         return _shifted(u, map(spans.__getitem__, links_m), direction, edge)
@@ -296,25 +255,22 @@ def arc_span(radius_m: float, chord_m: float) -> float:
     return 2 * asin(chord_m / (2 * radius_m))
 
 
-def _shifted(u: DoubleDouble, shifts: Iterable[float], direction: int,
-             edge: float) -> tuple[list[float], list[float], int]:
-    """Return coordinates (hi, lo) that are the given shifts apart, up to an edge, and their count."""
-    high, low, highs, lows = *u, list[float](), list[float]()
+def _shifted(u: float, shifts: Iterable[float], direction: int, edge: float) -> tuple[list[float], int]:
+    """Return the coordinates that are the given shifts apart, up to an edge, and their count.
+
+    Kahan's summation: equal shifts would round alike, and 20,000 equal errors would exceed the promise.
+    """
+    out, rest = list[float](), 0.0
     for shift in shifts:
-        high, low = plus(high, low, direction * shift)
-        if (edge - high) * direction < 0:
+        change = direction * shift + rest
+        following = u + change
+        if (edge - following) * direction < 0:
             break
-        highs.append(high)
-        lows.append(low)
-    return highs, lows, len(highs)
+        u, rest = following, change - (following - u)
+        out.append(u)
+    return out, len(out)
 
 
-def arc_from(start: complex, heading: complex, radius_m: float, side: int, angle_rad: float) -> ArcSegment:
-    """Return the arc that starts at a point with a given heading and turns to one side."""
-    spoke = -1j * side * radius_m * heading
-    return ArcSegment(start - spoke, spoke, radius_m, side, 0.0, angle_rad)
-
-
-def _turn(angle: Any) -> Any:
+def direction_at(angle: Any) -> Any:
     """Return exp(i angle) for one angle or many; for a single angle, ``cmath`` is several times faster than numpy."""
     return cmath.rect(1.0, angle) if type(angle) is float else np.exp(1j * angle)

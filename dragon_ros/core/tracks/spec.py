@@ -10,7 +10,6 @@ from dragon_ros.core import domain
 from dragon_ros.core.checks import number, settle
 from dragon_ros.core.domain import COORDINATE, PITCH, RADIUS, TRACK
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.numerics.double_double import DoubleDouble, from_turns
 
 SIDES = ('left', 'right')
 
@@ -36,9 +35,9 @@ class Spiral:
         return self.pitch_m / (2 * pi)
 
     @property
-    def start(self) -> DoubleDouble:
+    def start(self) -> float:
         """Polar angle of the head's front handle at t = 0, in radians."""
-        return from_turns(self.start_turns)
+        return 2 * pi * self.start_turns
 
     @property
     def start_m(self) -> float:
@@ -76,6 +75,10 @@ class STurn:
                diameter_m=number('track.diameter_m', self.diameter_m, low=RADIUS.low, high=2 * COORDINATE.high),
                ratio=number('track.ratio', self.ratio, low=1e-3, high=1e3),
                before_m=number('track.before_m', self.before_m, low=-TRACK.high, high=TRACK.high))
+        if pi * self.radius_m * self.radius_m / self.pitch_m > TRACK.high:
+            raise FieldError('track.diameter_m', self.diameter_m, 'from its centre to the turn, the spiral would be '
+                             f'longer than {TRACK.high:g} m', f'give at most '
+                             f'{2 * sqrt(TRACK.high * self.pitch_m / pi):.6g} m, or a larger pitch')
 
     @property
     def radius_m(self) -> float:

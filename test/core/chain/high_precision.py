@@ -14,7 +14,9 @@ def point(segment, u):
     if isinstance(segment, LineSegment):
         return mpc(segment.start) + mpc(segment.direction) * u
     if isinstance(segment, ArcSegment):
-        return mpc(segment.centre) + mpc(segment.spoke) * mpmath.expj(segment.side * u)
+        side = 1j * segment.side
+        spoke = -side * mpf(segment.radius_m) * mpc(segment.direction)
+        return mpc(segment.start) + spoke * (mpmath.expj(segment.side * u) - 1)
     b = mpf(segment.curve.pitch_m) / (2 * mp.pi)
     return mpc(segment.centre) + mpc(segment.rotation) * b * u * mpmath.expj(segment.side * u)
 
@@ -24,7 +26,7 @@ def metres(segment, u):
     if isinstance(segment, LineSegment):
         return u
     if isinstance(segment, ArcSegment):
-        return u * abs(mpc(segment.spoke))
+        return u * mpf(segment.radius_m)
     b = mpf(segment.curve.pitch_m) / (2 * mp.pi)
     return segment.way * b / 2 * (u * mpmath.sqrt(1 + u * u) + mpmath.asinh(u))
 
@@ -68,7 +70,7 @@ class Guess:
 
     def __init__(self, chain, segments):
         self.track, self.leader = chain.track, chain.leader
-        self.starts = [mpf(float(u)) + mpf(float(lo)) for u, lo in zip(chain.u, chain.u_lo, strict=True)]
+        self.starts = [mpf(float(u)) for u in chain.u]
         for i, k in enumerate(segments):
             if k != chain.segment[i]:     # the handle is at the joint between the two segments
                 self.starts[i] = mpf(float(chain.track.segments[k].first if k > chain.segment[i] else

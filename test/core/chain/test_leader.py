@@ -29,10 +29,10 @@ def test_on_a_spiral_no_handle_is_further_out_than_the_bound_which_is_within_a_r
     simulation = compile_scene(Scene(Dragon(benches), Spiral(0.55, turns), run=Run(0, 1)))
     leader = simulation.model.leader
     for gone_m in (0.0, 5.0):
-        far_m = np.max(np.hypot(*simulation.model.march((gone_m, 0.0)).p.T))
+        far_m = np.max(np.hypot(*simulation.model.march(gone_m).p.T))
         assert far_m <= leader.size_m((gone_m, 5.0)) <= far_m + 0.55 / (2 * pi)
     assert leader.size_m((0.0, 5.0)) == leader.size_m((0.0, 0.0))       # the tail is furthest out at the start
-    back_m = np.max(np.hypot(*simulation.model.march((-20.0, 0.0)).p.T))
+    back_m = np.max(np.hypot(*simulation.model.march(-20.0).p.T))
     assert back_m <= leader.size_m((-20.0, 5.0)) <= back_m + 0.55 / (2 * pi)
 
 
@@ -42,7 +42,7 @@ def test_on_a_spiral_no_handle_is_further_out_than_the_bound_which_is_within_a_r
 def test_the_stretch_of_a_way_holds_every_handle_and_ends_at_some(track, lead):
     leader = compile_scene(Scene(Dragon(12), track, Head(1.0, lead), Run(0, 9))).model.leader
     gone = np.linspace(0.0, 9.0, 19)
-    chains = marched_many(leader.track, leader.links_m, leader.places((gone, np.zeros(19))), leader.direction)
+    chains = marched_many(leader.track, leader.links_m, leader.places(gone), leader.direction)
     along_m = leader.track.distances(chains.segment, chains.u)
     low_m, high_m = leader.span_m((0.0, 9.0))
     assert low_m <= np.min(along_m) + 1e-9
@@ -100,10 +100,3 @@ def test_led_by_the_tail_from_far_off_there_is_a_state_at_the_very_end(turns, st
     for scene in led:
         last = state(scene, compile_scene(scene).end.t_s)
         assert last.p[-1] == pytest.approx((0.0, 0.0), abs=2 * np.spacing(track_of(track).end_m))
-
-
-@pytest.mark.parametrize('lead', ['head', 'tail'])
-def test_the_low_part_of_what_the_leader_has_travelled_counts_in_the_same_sense(lead):
-    model = compile_scene(Scene(Dragon(5), head=Head(1.0, lead), run=Run(0, 1), solver='march')).model
-    places = np.array([model.place(gone_m).p for gone_m in ((1.25, 0.0), (1.25 - 1e-6, 1e-6), (1.25 + 1e-6, -1e-6))])
-    assert np.max(np.ptp(places, axis=0)) < 1e-11

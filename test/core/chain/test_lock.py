@@ -25,7 +25,7 @@ CLASSIC = Scene()
 def test_the_classic_chain_locks_at_432_9_s_with_the_head_at_1_29_m():
     end = compile_scene(CLASSIC).end
     assert (end.reason, end.link) == ('lock', 0)
-    assert end.t_s == pytest.approx(432.917924, abs=5e-7)
+    assert end.t_s == pytest.approx(432.917923, abs=5e-7)
     angle, _ = head_lock_angle([2.86 / CLASSIC.spiral.b_m, 1.65 / CLASSIC.spiral.b_m])
     assert angle * CLASSIC.spiral.b_m == pytest.approx(1.289798, abs=5e-7)
 
@@ -66,7 +66,7 @@ def test_body_links_longer_than_the_heads_may_lock_first():
         state(scene, compile_scene(scene).end.t_s + 1e-6)
     model = compile_scene(scene).model
     with pytest.raises(ChainLockError, match='link 1'):
-        model.march((compile_scene(scene).end.t_s + 1e-6, 0.0))
+        model.march(compile_scene(scene).end.t_s + 2e-6)
 
 
 @examples(50, long=100)
@@ -87,7 +87,7 @@ def test_at_the_very_time_of_a_lock_every_link_has_a_place(benches, head, body, 
 
 
 def test_a_time_beyond_the_lock_is_an_error_with_time_link_and_radius():
-    with pytest.raises(ChainLockError, match='432.917924') as error:
+    with pytest.raises(ChainLockError, match='432.917923') as error:
         state(CLASSIC, 433.0)
     assert error.value.fields['link'] == 0
     assert error.value.fields['radius_m'] == pytest.approx(1.289798, abs=1e-6)

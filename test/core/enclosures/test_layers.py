@@ -21,7 +21,7 @@ CLASSIC_M = 0.55
 def wound(dragon, pitch_m, radii_m):
     """Return the N benches of a dragon at M positions, with the head's front handle at the given M radii."""
     theta = np.asarray(radii_m) * 2 * np.pi / pitch_m
-    leaders = np.zeros(theta.size, dtype=np.int64), theta, np.zeros_like(theta)
+    leaders = np.zeros(theta.size, dtype=np.int64), theta
     chain = marched_many(track_of(Spiral(pitch_m, 1.0), BEHIND), dragon.link_lengths_m, leaders, BEHIND)
     centre = 0.5 * (chain.p[:, :-1] + chain.p[:, 1:])
     half_m = [np.broadcast_to(each, centre.shape[:2]) for each in dragon.half_sizes_m]

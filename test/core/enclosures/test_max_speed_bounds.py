@@ -25,12 +25,12 @@ TRACKS = [(track_of(STurn()), -3.0, BEHIND), (track_of(STurn(ratio=0.6)), 0.0, B
 
 
 def states(leader, gone_m):
-    places = leader.places((gone_m, np.zeros_like(gone_m)))
+    places = leader.places(gone_m)
     return states_of(marched_many(leader.track, leader.links_m, places, leader.direction), gone_m, leader.direction)
 
 
 def chain_at(leader, gone_m):
-    return marched(leader.track, leader.links_m, leader.place((gone_m, 0.0)), leader.direction)
+    return marched(leader.track, leader.links_m, leader.place(gone_m), leader.direction)
 
 
 def tops(leader, low_m, high_m):
@@ -150,12 +150,12 @@ def test_with_its_law_a_handle_is_bounded_where_the_leader_speeds_up():
     leader = Leader(track_of(STurn()), LINKS, -3.0, BEHIND)
     law, times = _law_of(Scene(Dragon(3), STurn(before_m=10.0), RAMP, Run(0, 8))), np.linspace(0.2, 7.8, 60)
     times = np.unique(np.append(times, 4.0))
-    gone = np.array([RAMP.travelled_m(t)[0] for t in times])
+    gone = np.array([RAMP.travelled_m(t) for t in times])
     seen = states(leader, gone)
     row = np.arange(times.size - 1)
     top = bounds(seen.rows(row), seen.rows(row + 1), law.between(times[:-1], times[1:]))
     within = np.linspace(times[:-1], times[1:], 15)
-    places = np.array([[RAMP.travelled_m(t)[0] for t in part] for part in within.tolist()])
+    places = np.array([[RAMP.travelled_m(t) for t in part] for part in within.tolist()])
     own = np.log(np.array([[RAMP.speed_at_m_s(t) for t in part] for part in within.tolist()]) / 2.5)
     logs = states(leader, places.ravel()).log.reshape(*places.shape, -1) + own[..., None]
     assert np.all(logs <= top + 1e-12)

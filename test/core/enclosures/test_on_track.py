@@ -37,7 +37,7 @@ COUNT = 9       # number of positions in each interval, including its ends
 
 def sampled(leader, gone_m, links_m=LINKS):
     """Return chains at leader positions, the states of their links, and the handles' distances along the track."""
-    places = leader.places((gone_m, np.zeros_like(gone_m)))
+    places = leader.places(gone_m)
     chain = marched_many(leader.track, links_m, places, leader.direction)
     along_m, bend = leader.track.distances(chain.segment, chain.u), leader.track.curvatures(chain.segment, chain.u)
     return chain, link_states(along_m, chain.segment, bend, chain.headings, axes_of(chain), chain.leader), along_m

@@ -59,9 +59,9 @@ def test_no_gap_is_below_the_lowest_bound_up_to_its_place(scene):
     for one in found.certificate.intervals:
         least_m = min(least_m, one.bound_m)
         for along_m in np.linspace(one.start_m, one.stop_m, 3):
-            chain = compile_scene(scene).model.march((along_m, 0.0))
+            chain = compile_scene(scene).model.march(along_m)
             benches = benches_of(chain, scene.dragon, axes_of(chain))
-            assert np.min(gaps(benches, i, j)) >= least_m - 1e-12
+            assert np.min(gaps(benches, i, j)) >= least_m - 2e-12
 
 
 def test_the_corner_meets_bench_8_where_the_true_figures_say():

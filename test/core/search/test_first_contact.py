@@ -70,7 +70,7 @@ def test_a_body_that_touches_first_is_timed_exactly_both_ways(speed, pair):
 def test_a_head_that_moves_out_into_a_contact_finds_the_end_of_one_that_moved_in():
     wide = Dragon(20, width_m=0.301)
     inward = Scene(dragon=wide)
-    start = SpiralCurve.of(inward.track).inward(411.0).hi
+    start = SpiralCurve.of(inward.track).inward(411.0)
     found = first_contact(Scene(dragon=wide, track=Spiral(0.55, start / (2 * np.pi)), head=Head(-1.0), run=Run(0, 5)))
     assert found.benches == (0, 11)
     t_s = 411.0 - found.t_s

@@ -100,12 +100,12 @@ def _top(scene):
 def _when(scene, gone_m):
     """Return a time of the run at which the leader has travelled the given distance."""
     times = np.linspace(scene.run.start_s, compile_scene(scene).end.t_s, 401)
-    gone = np.array([scene.head.travelled_m(t)[0] for t in times.tolist()])
+    gone = np.array([scene.head.travelled_m(t) for t in times.tolist()])
     n = int(np.argmin(np.abs(gone - gone_m)))
     low, high = times[max(n - 1, 0)], times[min(n + 1, 400)]
     for _ in range(30):
         middle = np.linspace(low, high, 9)
-        off = np.abs([scene.head.travelled_m(t)[0] - gone_m for t in middle.tolist()])
+        off = np.abs([scene.head.travelled_m(t) - gone_m for t in middle.tolist()])
         n = int(np.argmin(off))
         low, high = middle[max(n - 1, 0)], middle[min(n + 1, 8)]
     return float(middle[n])
@@ -190,7 +190,7 @@ def test_at_a_jump_the_speeds_on_both_sides_count():
 @pytest.mark.parametrize('law', [Head(0.0), Profile(((0.0, 0.0),))])
 def test_of_a_leader_that_rests_the_ratio_is_that_of_its_place(law):
     scene = Scene(Dragon(10), STurn(before_m=-3.0), law, Run(0, 5))
-    v = compile_scene(scene).model.place((0.0, 0.0)).velocities(1.0)
+    v = compile_scene(scene).model.place(0.0).velocities(1.0)
     assert max_speed(scene).ratio == pytest.approx(np.max(np.hypot(*v.T)), rel=1e-12)
 
 
@@ -200,13 +200,13 @@ def test_a_run_that_starts_late_is_asked_from_there():
     assert late.ratio < max_speed(Scene(Dragon(30), STurn(before_m=10.0), run=Run(0.0, 60.0))).ratio
 
 
-def test_a_run_that_ends_in_or_at_a_lock_is_refused():
+def test_a_run_that_reaches_a_lock_is_refused_and_one_that_stops_there_has_a_finite_bound():
     for dragon in (Dragon(5), Mixed((Group(1.1, 3), Group(3.9), Group(1.6, 6)), 0.02)):
         scene = Scene(dragon, Spiral(0.55, 5.0))
         with pytest.raises(FieldError, match=r'run\.stop_s.* reaches a lock at .* unbounded.*stop earlier'):
             max_speed(scene)
-        with pytest.raises(FieldError, match=r'run\.stop_s.* close to a lock that rounding leaves no finite bound'):
-            max_speed(replace(scene, run=Run(0, compile_scene(scene).end.t_s)))
+        found = max_speed(replace(scene, run=Run(0, compile_scene(scene).end.t_s)))
+        assert 100 < found.ratio <= found.bound < 1.1 * found.ratio
 
 
 def test_a_long_way_on_which_nothing_is_fast_leaves_the_largest_speed_exact():

@@ -104,7 +104,7 @@ def test_a_place_that_is_passed_twice_gives_two():
     times = [miss.t_s for miss in told if miss.benches == told[0].benches and miss.gap_m == told[0].gap_m]
     assert len(times) >= 2
     law = SCENES['in and out'][0].head
-    assert np.ptp([law.travelled_m(t_s)[0] for t_s in times]) < 1e-6
+    assert np.ptp([law.travelled_m(t_s) for t_s in times]) < 1e-6
 
 
 def test_a_long_list_is_cut_to_the_nearest_and_says_so(monkeypatch):

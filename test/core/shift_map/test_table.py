@@ -19,7 +19,6 @@ from dragon_ros.core.chain.forward import Block, forward_many, placed
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import ChainLockError, FieldError
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.shift_map import build
 from dragon_ros.core.shift_map.blocks import Placement, TabulatedLinks, TabulatedStates, lengths_with_maps
@@ -33,8 +32,8 @@ from hard_cases import hard_cases
 
 CLASSIC, MARCHED = Scene(), Scene(solver='march')
 LONG = ('most-benches', 'longest-chain')
-# Six links, next to a lock, an arc of 10,000 km, and a leader between two cells.
-MARCHED_CASES = {'centre', 'mixed-lock', 'far-corner', 'smallest-link-far-out'}
+# Six links, and next to a lock.
+MARCHED_CASES = {'centre', 'mixed-lock'}
 
 
 def tiles(scene):
@@ -66,7 +65,7 @@ def test_rows_that_are_found_all_at_once_are_those_found_one_by_one(monkeypatch,
         rows = along(segment, link_m, first, count)
         found.append(rows is not None)
         one_by_one, _ = forward_many(track, (Block(0, count, link_m),), first, BEHIND)
-        off = (rows[1] - one_by_one[1][1:]) + (rows[2] - one_by_one[2][1:])
+        off = rows[1] - one_by_one[1][1:]
         unit_m = segment.curve.b_m if isinstance(segment, SpiralSegment) else abs(segment.rate(0.0))
         assert np.max(np.abs(off)) < 1e-13 * max(1.0, link_m / unit_m)
         np.testing.assert_array_equal(rows[0], one_by_one[0][1:])
@@ -82,15 +81,15 @@ def test_rows_that_are_found_all_at_once_are_those_found_one_by_one(monkeypatch,
 def test_where_all_parts_are_on_one_spiral_the_nodes_of_one_span_tell_where_theirs_are(monkeypatch, scene):
     by_series, off_m = build._by_series, []
 
-    def checked(spiral, begin, begin_lo, chords):
-        found, wanted = by_series(spiral, begin, begin_lo, chords), build.placed(spiral, (begin, begin_lo), chords)
-        off = (found[0] - wanted[0]) + (found[1] - wanted[1])
-        off_m.append(spiral.curve.b_m * float(np.max(np.abs(off) * wanted[0])))
+    def checked(spiral, begin, chords):
+        found, wanted = by_series(spiral, begin, chords), build.placed(spiral, begin, chords)[0]
+        assert found is not None
+        off_m.append(spiral.curve.b_m * float(np.max(np.abs(found - wanted) * wanted)))
         return found
     monkeypatch.setattr(build, '_by_series', checked)
     tile(scene, 0.0)
     assert off_m
-    assert max(off_m) < 5e-14       # rounding errors over hundreds of rows; the promise is 2e-12
+    assert max(off_m) < 5e-13       # the promise is 2e-12
 
 
 def test_stats_say_which_solver_ran():
@@ -107,9 +106,9 @@ def test_the_table_serves_every_hard_case_but_these(problem):
 
 
 @pytest.mark.parametrize('t_s', [0.0, 60.3, 300.0, 412.47, 432.0, 432.6, 432.9])
-def test_table_and_march_agree_to_the_last_digits(t_s):
+def test_table_and_march_agree_within_half_the_promise(t_s):
     one, other = state(CLASSIC, t_s), state(MARCHED, t_s)
-    np.testing.assert_allclose(one.p, other.p, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(one.p, other.p, rtol=0, atol=1e-12)
     np.testing.assert_allclose(one.velocities(1.5), other.velocities(1.5), rtol=0, atol=1e-12)
     np.testing.assert_allclose(one.tangents, other.tangents, rtol=0, atol=1e-13)
 
@@ -161,13 +160,15 @@ def test_a_tile_is_bounded_in_size():
 
 def test_a_shift_map_keeps_the_tiles_that_were_used_last_within_its_bytes(monkeypatch):
     scene = Scene(dragon=Dragon(20), track=Spiral(0.55, 750.0), accuracy='standard', run=Run(0, 1e6))
-    monkeypatch.setattr('dragon_ros.core.shift_map.table._MOST_BYTES', 3.5 * tile(scene, 0.0).memory_bytes)
+    most = 3.5 * tile(scene, 0.0).memory_bytes
+    monkeypatch.setattr('dragon_ros.core.shift_map.table._MOST_BYTES', most)
     first = state(scene, 100.0).p
     for t_s in np.linspace(0, 2e4, 15).tolist():
         state(scene, t_s)
-    assert len(tiles(scene)) == 3
-    assert state(scene, 100.0).p.tobytes() == first.tobytes()
-    assert len(tiles(scene)) == 3
+    for _ in range(2):
+        assert 2 <= len(tiles(scene)) <= 3
+        assert sum(one.memory_bytes for one in tiles(scene)) <= most
+        assert state(scene, 100.0).p.tobytes() == first.tobytes()
 
 
 def test_a_dragon_without_eight_equal_links_has_no_shift_map():
@@ -177,7 +178,8 @@ def test_a_dragon_without_eight_equal_links_has_no_shift_map():
 
 def test_products_in_parts_join_without_a_seam():
     long = Scene(dragon=Dragon(3000), run=Run(0, 400))
-    np.testing.assert_allclose(state(long, 200.0).p, state(replace(long, solver='march'), 200.0).p, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(state(long, 200.0).p, state(replace(long, solver='march'), 200.0).p, rtol=0,
+                               atol=compile_scene(long).promise_m)
 
 
 def test_what_the_table_returns_is_closed_for_writing():
@@ -189,9 +191,9 @@ def test_what_the_table_returns_is_closed_for_writing():
 
 def test_a_head_without_a_place_for_its_link_is_a_lock():
     with pytest.raises(ChainLockError, match='link 0'):
-        compile_scene(CLASSIC).model.place((432.93, 0.0))
+        compile_scene(CLASSIC).model.place(432.93)
     with pytest.raises(ChainLockError, match='link 0'):
-        compile_scene(CLASSIC).model.place_many((np.array([100.0, 432.93]), np.zeros(2)))
+        compile_scene(CLASSIC).model.place_many(np.array([100.0, 432.93]))
 
 
 def test_an_unknown_solver_is_refused():
@@ -235,12 +237,12 @@ def test_many_places_are_on_the_sections_where_each_is_to_the_last_bit(name):
     for shift in model.placement.maps.values():
         first, last = (shift._number(model.track.place_at(metres)) for metres in (low_m, high_m))
         begins = [place for number in range(first, last + 2) if (place := shift._boundary(number))]
-        nearby = [Place.of(place.segment, u, 0.0) for place in begins
-                  for u in (np.nextafter(place.u.hi, -np.inf), place.u.hi, np.nextafter(place.u.hi, np.inf))]
+        nearby = [Place.of(place.segment, u) for place in begins
+                  for u in (np.nextafter(place.u, -np.inf), place.u, np.nextafter(place.u, np.inf))]
         places = [*nearby, *(model.track.place_at(metres) for metres in np.linspace(low_m, high_m, 200).tolist())]
-        segment, u, lo = (np.array(values) for values in zip(*((k, *u) for k, u in places), strict=True))
+        segment, u = (np.array(values) for values in zip(*places, strict=True))
         assert begins
-        assert shift._numbers((segment, u, lo)).tolist() == [shift._number(place) for place in places]
+        assert shift._numbers((segment, u)).tolist() == [shift._number(place) for place in places]
         for place in places:        # each place lies within its section
             number = shift._number(place)
             assert not shift._is_behind(place, number)
@@ -255,10 +257,10 @@ def test_a_mistake_in_looking_up_a_cell_is_not_taken_for_a_place_without_a_table
     placement = Placement(model.track, model.links_m, model.direction, {
         link_m: ShiftMap(model.track, link_m, 8, model.direction)
         for link_m in lengths_with_maps(model.links_m)})
-    assert 'table' in placement.place(model.leader.place((0.0, 0.0))).solver
+    assert 'table' in placement.place(model.leader.place(0.0)).solver
     monkeypatch.setattr(Tile, '_cell', mistaken)
     with pytest.raises(error, match='planted'):     # the leader is on the same section, in another cell
-        placement.place(model.leader.place((3.0, 0.0)))
+        placement.place(model.leader.place(3.0))
 
 
 def test_nodes_on_a_spiral_that_are_placed_by_series_are_where_links_put_them_or_else_there_is_no_series():
@@ -267,11 +269,10 @@ def test_nodes_on_a_spiral_that_are_placed_by_series_are_where_links_put_them_or
     chord = 0.5 / segment.curve.b_m
     for from_chords, wide_rad in product((0.8, 1.0, 3.0), (1.0, 2.0, 4.0)):
         begin = from_chords * chord + wide_rad * np.linspace(0, 1, 2 * build.NODES)
-        rows = build._by_series(segment, begin, np.zeros_like(begin), np.full((12, 1), chord))
+        rows = build._by_series(segment, begin, np.full((12, 1), chord))
         found.append(rows is not None)
-        if rows:
-            u, lo, *_ = placed(segment, (begin, np.zeros_like(begin)), np.full((12, 1), chord))
-            assert np.max(np.abs((rows[0] - u) + (rows[1] - lo))) < 5e-15
+        if rows is not None:
+            assert np.max(np.abs(rows - placed(segment, begin, np.full((12, 1), chord))[0])) < 5e-15 * np.max(rows)
     assert 3 < sum(found) < 9
 
 
@@ -287,7 +288,7 @@ def test_what_either_of_the_last_two_terms_contributes_is_told_in_units_of_the_e
     series['places'][:, 1, ::2] = 5.0
     series[name][1, term, 2 if name in ('places', 'motions') else 1] = -0.25
     half_m, link_m = LAST[name]
-    found = build._left(build._RowSeries(np.zeros((rows, parts), dtype=np.int64), (np.zeros(1), np.zeros(1)),
+    found = build._left(build._RowSeries(np.zeros((rows, parts), dtype=np.int64), np.zeros(1),
                                          slice(0, rows), error_m, series['coordinates'], series['places'],
                                          series['motions']), series['coordinates'], series['inverse'], 2.0)
     assert found == pytest.approx([0.0, 0.25 * half_m * link_m / 1e-6])
@@ -303,7 +304,7 @@ def test_no_place_on_a_track_is_beyond_what_stands_for_its_ends(scene):
     assert (rear.segment, fore.segment) == (0, len(segments) - 1)
     for end, place, side in ((rear, segments[0].first, -1), (fore, segments[-1].last, 1)):
         rate = segments[end.segment].rate(place)
-        assert abs(place) == np.inf == abs(end.u.hi) or side * (end.u.hi - place) * np.sign(rate) >= 1
+        assert abs(place) == np.inf == abs(end.u) or side * (end.u - place) * np.sign(rate) >= 1
 
 
 def street(pieces, turns_deg, seed):
@@ -317,7 +318,7 @@ def street(pieces, turns_deg, seed):
 
 def test_series_that_rounding_ends_a_little_early_have_a_table_that_keeps_the_promise():
     simulation = compile_scene(street(120, (30, 60), 2))
-    chain, other = simulation.model.place((3.0, 0.0)), simulation.model.march((3.0, 0.0))
+    chain, other = simulation.model.place(3.0), simulation.model.march(3.0)
     assert [type(part) for part in chain.parts] == [MarchedLink, TabulatedLinks]
     np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=0.1 * simulation.promise_m)
     np.testing.assert_allclose(chain.velocities(1.0), other.velocities(1.0), rtol=0, atol=0.1 * simulation.promise_m)
@@ -326,7 +327,7 @@ def test_series_that_rounding_ends_a_little_early_have_a_table_that_keeps_the_pr
 def test_series_that_rounding_ends_far_too_early_have_no_table():
     model = compile_scene(street(40, (50, 80), 1)).model
     shift = ShiftMap(model.track, 1.65, 222, model.direction)
-    assert shift._tile(shift._number(model.leader.place((3.0, 0.0))), 0) is None
+    assert shift._tile(shift._number(model.leader.place(3.0)), 0) is None
 
 
 @pytest.mark.parametrize('pieces', [
@@ -336,13 +337,13 @@ def test_series_that_rounding_ends_far_too_early_have_no_table():
 def test_joints_that_are_moved_ahead_together_are_where_each_alone_is(pieces, monkeypatch):
     track, link_m = track_of(Composite(pieces)), 1.65
     back_m = track.end_m - 5.0
-    joints = [Place(k, DoubleDouble(track.segments[k].first, 0.0)) for k in range(1, len(track.segments) - 1)]
+    joints = [Place(k, track.segments[k].first) for k in range(1, len(track.segments) - 1)]
     monkeypatch.setattr(build, '_MANY_JOINTS', 1)
     together = build._nearly_pulled(track, link_m, joints, back_m)
     assert sum(one != joint for one, joint in zip(together, joints, strict=True)) > len(joints) // 2
     for one, joint in zip(together, joints, strict=True):
         off_m = np.subtract(*(track.distance_of(build._pulled(track, link_m, place, back_m)) for place in (one, joint)))
-        assert abs(off_m.sum()) < 1e-12
+        assert abs(off_m) < 1e-12
 
 
 # Each of these has so many joints within reach of the dragon that its tiles are divided into groups of parts. The last
@@ -429,21 +430,21 @@ def test_next_to_the_beginning_of_a_group_a_leader_is_in_one_group_and_chains_ar
     layout = shift.tiles[0].layout
     groups, promise_m = layout.groups, compile_scene(STREETS[name]).promise_m
     begins = layout.span.begins()
-    here_m, compared = model.track.about_m(leader), 0
+    here_m, compared = model.track.distance_of(leader), 0
     for begin, group in begins:
-        if abs(model.track.about_m(begin) - here_m) > 2.0:
+        if abs(model.track.distance_of(begin) - here_m) > 2.0:
             continue
         for past_m in (-1e-6, 1e-6):
-            one = model.track.place_at(model.track.distance_of(begin)[0] + past_m)
+            one = model.track.place_at(model.track.distance_of(begin) + past_m)
             assert groups.of(one) == (group if past_m < 0 else (group - 1) % len(layout.span.groups))
         for past_m in (-1e-12, -1e-13, 0.0, 1e-13, 1e-12):
-            one = model.track.place_at(model.track.distance_of(begin)[0] + past_m)
+            one = model.track.place_at(model.track.distance_of(begin) + past_m)
             chain, other = place.place(one), marched(model.track, model.links_m, one, model.direction)
             np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=0.1 * promise_m)
             compared += 1
     assert compared >= 10
     many = [model.track.place_at(metres) for metres in np.linspace(here_m - 3, here_m + 3, 300).tolist()]
-    some = tuple(np.array(values) for values in zip(*((k, *u) for k, u in many), strict=True))
+    some = tuple(np.array(values) for values in zip(*many, strict=True))
     assert groups.of_many(some).tolist() == [groups.of(one) for one in many]
 
 
@@ -451,7 +452,7 @@ def test_next_to_the_beginning_of_a_group_a_leader_is_in_one_group_and_chains_ar
 def test_many_places_on_a_street_agree_closely_with_each(name):
     _, place, _ = laid_out(STREETS[name])
     leaders = travelled(STREETS[name], np.linspace(0.5, 4.5, 25).tolist())
-    chain = place.place_many(tuple(np.array(values) for values in zip(*((k, *u) for k, u in leaders), strict=True)))
+    chain = place.place_many(tuple(np.array(values) for values in zip(*leaders, strict=True)))
     assert any(isinstance(part, TabulatedStates) for part in chain.parts)
     for p, leader in zip(chain.p, leaders, strict=True):
         np.testing.assert_allclose(p, place.place(leader).p, rtol=0, atol=1e-12)

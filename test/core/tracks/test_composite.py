@@ -1,7 +1,5 @@
 """On composite tracks, links cross joints and end at the first position at their length; invalid input is rejected."""
 from dataclasses import replace
-from fractions import Fraction
-from itertools import pairwise
 from math import pi
 
 import numpy as np
@@ -9,15 +7,15 @@ import pytest
 from properties import thinned
 
 from dragon_ros.core.batches import states, velocity_of
+from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import Place, _guessed, track_of
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
-from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
 from hard_cases import hard_cases
 
 CASES = {problem.name: problem for problem in hard_cases()}
@@ -30,8 +28,9 @@ def test_every_link_of_a_dance_has_its_length_and_the_next_handle_is_the_first_s
     scene = CASES[name].scene
     for t_s in CASES[name].times_s:
         chain, marched = state(scene, t_s), state(replace(scene, solver='march'), t_s)
-        np.testing.assert_allclose(chain.p, marched.p, rtol=0, atol=1e-13 * max(1, compile_scene(scene).size_m))
-        assert max(chain.worst[0], marched.worst[0]) < 1e-13 * max(1, compile_scene(scene).size_m)
+        promise_m = compile_scene(scene).promise_m * conditioning(chain)
+        np.testing.assert_allclose(chain.p, marched.p, rtol=0, atol=promise_m)
+        assert max(chain.worst[0], marched.worst[0]) < promise_m
         for link in (0, 5):
             if scene.dragon.link_lengths_m[link]:
                 _no_nearer_root(marched, link, scene.dragon.link_lengths_m[link])
@@ -40,15 +39,15 @@ def test_every_link_of_a_dance_has_its_length_and_the_next_handle_is_the_first_s
 def _no_nearer_root(chain, front, link_m):
     """Check that 500 positions between two handles are all closer than the link."""
     track = chain.track
-    far = [track.distance_of(_place(chain, n))[0] for n in (front, front + 1)]
+    far = [track.distance_of(_place(chain, n)) for n in (front, front + 1)]
     for metres in np.linspace(far[1], far[0], 502)[1:-1]:
         place = track.place_at(metres)
         x, y = chain.p[front]
-        assert abs(complex(track.segments[place.segment].at(*place.u)) - complex(x, y)) < link_m
+        assert abs(complex(track.segments[place.segment].at(place.u)) - complex(x, y)) < link_m
 
 
 def _place(chain, n):
-    return Place(int(chain.segment[n]), DoubleDouble(float(chain.u[n]), float(chain.u_lo[n])))
+    return Place(int(chain.segment[n]), float(chain.u[n]))
 
 
 @pytest.mark.parametrize('name', ['turning', 'wiggle', 'loop', 'law', 'unwinding', 'turn-by-the-tail'])
@@ -123,21 +122,10 @@ def test_where_one_link_spans_an_arc_exactly_the_follower_is_on_the_joint(radius
     assert last.worst[0] < 1e-12
 
 
-def test_a_piece_is_laid_from_as_far_out_as_the_pieces_before_it_go_and_no_further():
-    track = track_of(Composite((Line(500.0), Arc(2.0, 180.0), Line(400.0), Arc(3.0, -90.0),
-                                SpiralArc(0.55, 60.0, 20.0))))
-    reached_m = 0.0
-    for start_m, stop_m in pairwise([0.0, *track.joints_m]):
-        assert track.laid_from_m(stop_m - 1e-6) >= reached_m
-        places = [track.place_at(metres) for metres in np.linspace(start_m, stop_m, 99)]
-        reached_m = max(reached_m, *(abs(complex(track.segments[k].at(*u))) for k, u in places))
-        assert reached_m <= track.laid_from_m(stop_m + 1e-6) <= 1.02 * reached_m
-
-
 @pytest.mark.parametrize('angle_deg', [0.3, -0.3, 0.9, -1.0, 30.0, -170.0])
 def test_an_arc_bends_to_the_left_by_a_positive_angle_and_to_the_right_by_a_negative_one(angle_deg):
     track = track_of(Composite((Line(5.0), Arc(9.0, angle_deg), Line(5.0))))
-    at = np.array([0, 2]), np.array([0.0, 0.0]), np.array([0.0, 0.0])
+    at = np.array([0, 2]), np.array([0.0, 0.0])
     before, after = track.headings(*at) @ [1, 1j]
     assert np.angle(after / before, deg=True) == pytest.approx(angle_deg)
 
@@ -161,21 +149,13 @@ def test_the_first_guess_of_a_link_from_a_line_onto_an_arc_has_its_length_howeve
     assert np.abs(arc.at(near + direction * ahead_m / abs(arc.rate(near))) - here) == pytest.approx(chord_m, rel=1e-12)
 
 
-@pytest.mark.parametrize('turns', [16.0, 5.0, *np.linspace(3, 20, 25).tolist()])
-def test_a_spiral_that_the_tail_leads_out_on_includes_the_start_and_ends_there(turns):
-    spiral = Spiral(0.55, turns)
-    last = Fraction(track_of(spiral, AHEAD).segments[0].last)
-    start = Fraction(spiral.start.hi) + Fraction(spiral.start.lo)
-    assert last <= start < Fraction(np.nextafter(float(last), np.inf).item())
-
-
 def test_a_link_that_would_reach_a_tenth_of_its_length_beyond_the_end_of_a_track_does_not_fit():
     track = track_of(Composite((Line(10.0), Arc(5.0, 60.0))))
     for beyond_m in (0.1, 0.5):
         with pytest.raises(TrackEndError, match='too short'):
             track.next(track.place_at(track.end_m - 1 + beyond_m), 1.0, AHEAD)
     reached, _ = track.next(track.place_at(track.end_m - 1.01), 1.0, AHEAD)
-    assert track.distance_of(reached)[0] < track.end_m
+    assert track.distance_of(reached) < track.end_m
 
 
 @pytest.mark.parametrize('direction', [BEHIND, AHEAD])
@@ -187,11 +167,11 @@ def test_across_a_joint_a_link_takes_one_evaluation_on_an_arc_and_at_most_four_o
             end, most = (segment.first if direction == BEHIND else segment.last), 4 if k + direction in (0, 3) else 1
             for share in (1e-6, 0.5, 0.95):
                 u = np.array([end - direction * share * chord_m / segment.rate(end)])
-                places, evaluations = track.across_many(k, (u, np.zeros(1)), chord_m, direction)
+                places, evaluations = track.across_many(k, u, chord_m, direction)
                 assert places[0] == k + direction
                 assert evaluations <= most
                 if share > 0.1:
-                    assert track.across(Place.of(k, u[0], 0.0), chord_m, direction)[1] <= 5
+                    assert track.across(Place.of(k, u[0]), chord_m, direction)[1] <= 5
 
 
 @pytest.mark.parametrize(('spec', 'low_m', 'high_m', 'loose'), [
@@ -200,6 +180,5 @@ def test_across_a_joint_a_link_takes_one_evaluation_on_an_arc_and_at_most_four_o
     (Composite((Line(60.0), Arc(2.0, 170.0))), 55.0, 64.0, 0.1)], ids=['in', 'out', 'spiral', 'line', 'arc'])
 def test_no_point_of_a_stretch_is_further_from_the_origin_than_its_bound(spec, low_m, high_m, loose):
     track = track_of(spec)
-    segment, u, lo = track.places_at(np.linspace(low_m, high_m, 500), np.zeros(500))
-    furthest_m = np.max(np.hypot(*track.points(segment, u, lo).T))
+    furthest_m = np.max(np.hypot(*track.points(*track.places_at(np.linspace(low_m, high_m, 500))).T))
     assert furthest_m * (1 - 1e-15) <= track.far_m(low_m, high_m) <= furthest_m * (1 + loose)
