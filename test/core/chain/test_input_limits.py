@@ -24,7 +24,7 @@ SPIRAL = piece(SpiralArc, pitch_m=1.0, from_turns=5.0, to_turns=2.0)
 NUMBERS = {
     'spiral pitch_m': (Spiral, 0.01, 100.0), 'turn pitch_m': (STurn, 0.01, 100.0),
     'spiral start_turns': (lambda turns: Spiral(0.55, turns), 0.0, sqrt(1e6 / (pi * 0.55))),
-    'turn diameter_m': (lambda size: STurn(diameter_m=size), 0.01, 2e4),
+    'turn diameter_m': (lambda size: STurn(diameter_m=size), 0.01, 2 * sqrt(1e6 * 1.7 / pi)),
     'turn ratio': (lambda ratio: STurn(ratio=ratio), 1e-3, 1e3),
     'turn before_m': (lambda metres: STurn(before_m=metres), -1e6, 1e6),
     'line length_m': (LINE('length_m'), 5e-324, 1e6), 'line heading_deg': (LINE('heading_deg'), -1e6, 1e6),
