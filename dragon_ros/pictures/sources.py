@@ -37,6 +37,7 @@ Check = Callable[[], None]      # a function that raises an exception if its cal
 _REMEMBERED = 8             # number of ticks before a contact that the tracker may use
 _SAME_S = 1e-9
 _AROUND = 2.0               # largest extent of the shown track beyond the dragon, relative to the dragon's size
+_VENUE = 0.25           # likewise, of the shown venue beyond the dragon and its track
 _MARGIN = 0.03              # margin around the content, relative to the window
 
 
@@ -211,10 +212,11 @@ def moment(source: Source, t_s: float) -> Moment:
     raise InputError(f'{source.name}: it has handles but no benches at {t_s:g} s')
 
 
-def window(track: Floats | None, moments: Iterable[Moment]) -> Floats:
+def window(track: Floats | None, moments: Iterable[Moment], venue: Venue | None = None) -> Floats:
     """Return the window of a picture of these moments: its lower left and upper right corners (m, shape (2, 2)).
 
-    The window contains the dragon and its track or, if the track is much longer, the dragon and the track around it.
+    The window contains the dragon and its track or, if the track is much longer, the dragon and the track around it,
+    and the venue around both.
     """
     corners = np.concatenate([one.benches.corners.reshape(-1, 2) for one in moments])
     low, high = corners.min(axis=0), corners.max(axis=0)
@@ -222,6 +224,11 @@ def window(track: Floats | None, moments: Iterable[Moment]) -> Floats:
     if track is not None:
         low = np.minimum(low, np.maximum(track.min(axis=0), low - reach))
         high = np.maximum(high, np.minimum(track.max(axis=0), high + reach))
+    if venue is not None:
+        points = np.array([*(at for one in venue.obstacles for at in one.points_m), *(venue.inside or ())])
+        reach = _VENUE * float(np.max(high - low))
+        low = np.minimum(low, np.maximum(points.min(axis=0), low - reach))
+        high = np.maximum(high, np.minimum(points.max(axis=0), high + reach))
     margin = _MARGIN * float(np.max(high - low))
     return np.array((low - margin, high + margin))
 

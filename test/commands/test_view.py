@@ -357,6 +357,58 @@ def test_the_page_is_played_by_keys_wherever_the_focus_is(server, page):
     page.wait('return document.getElementById("play").textContent === "Play"')
 
 
+def test_play_is_the_first_button_in_the_order_of_tab(server, page):
+    page.open_view(server.url)
+    page.press('Tab')
+    assert page.run('return document.activeElement.id') == 'play'
+
+
+def test_keys_work_while_the_plots_are_still_built(server, page):
+    page.open(server.url)
+    page.press('End')       # whenever it arrives, before or after the run is known
+    page.wait('return document.body.dataset.drawn === "yes"')
+    page.press('End')
+    page.press('ArrowLeft')
+    page.wait('return document.body.dataset.ready === "yes"')
+    page.wait('return parseFloat(document.getElementById("time").textContent) === 412.95')
+    assert page.log() == []
+
+
+@pytest.mark.parametrize('press_at', ['run', 'player.frame', 'element("scene")._fullLayout'])
+def test_a_key_that_comes_while_a_page_loads_is_not_lost(server, page, press_at):
+    page.open('about:blank')
+    page.open(server.url)
+    page.run(f"""return new Promise((done) => {{
+        const look = () => {{
+            let is = false;
+            try {{ is = Boolean({press_at}); }} catch {{ /* not yet declared */ }}
+            if (is) done(document.dispatchEvent(new KeyboardEvent('keydown', {{key: 'End', bubbles: true}})));
+            else setTimeout(look, 1);
+        }};
+        look();
+    }})""")
+    page.wait('return document.body.dataset.ready === "yes"')
+    page.wait('return parseFloat(document.getElementById("time").textContent) === 413')
+    assert page.log() == []
+
+
+def test_on_a_phone_on_its_side_the_controls_do_not_cover_the_dragon(server, page):
+    page.look(844, 390)
+    page.open_view(server.url)
+    lowest, controls = page.run("""return [document.querySelector('#scene .main-svg')
+        .getBoundingClientRect().bottom, document.querySelector('footer').getBoundingClientRect().top]""")
+    assert lowest <= controls
+    assert page.run('return document.querySelector("#scene").getBoundingClientRect().height') >= 180
+    assert page.run('return document.scrollingElement.scrollWidth <= window.innerWidth')
+
+
+def test_the_window_shows_the_whole_venue():
+    scene = load_scene('square')
+    (left, bottom), (right, top) = ViewData(SceneSource('square', scene), iter).run()['window_m']
+    x, y = np.array(scene.venue.inside).T
+    assert all((left < x.min(), right > x.max(), bottom < y.min(), top > y.max()))
+
+
 def test_outlines_scale_with_the_zoom(server, page):
     page.open_view(server.url)
     width = 'return parseFloat(getComputedStyle(document.querySelector("#scene .lines path.js-line")).strokeWidth)'

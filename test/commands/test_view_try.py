@@ -24,6 +24,7 @@ from dragon_ros.core.search.bounding_box import bounding_box
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.search.max_speed import max_speed
 from dragon_ros.core.search.min_pitch import min_pitch
+from dragon_ros.core.search.venue_fit import venue_fit
 from dragon_ros.pictures.sources import SceneSource
 from dragon_ros.scenes.load import load_scene
 
@@ -60,6 +61,29 @@ def test_every_number_of_a_scene_is_a_field_with_its_value_on_the_slider():
         assert one.step > 0
 
 
+def test_a_route_offers_what_can_be_tried_and_not_its_pieces():
+    pieces = [{'kind': 'line', 'length_m': 5.0, 'heading_deg': 12.3456}, *[
+        {'kind': 'arc', 'radius_m': 8.0, 'angle_deg': (-1) ** n * 20.0} for n in range(12)]]
+    route = load_scene('street', ['venue=null', 'dragon.benches=3', 'track.start_m=5',
+                                  f'track.pieces={json.dumps(pieces)}'])
+    keys = {one.key for one in fields_of(route)}
+    assert not [key for key in keys if 'pieces' in key]
+    assert {'dragon.benches', 'dragon.body_length_m', 'dragon.width_m', 'head.speed_m_s', 'track.start_m'} <= keys
+    assert not [one.key for one in fields_of(load_scene('street')) if one.key.endswith(('heading_deg', 'length_m'))
+                and 'pieces' in one.key]
+
+
+def test_only_numbers_that_are_proved_are_called_so_and_none_is_minus_zero():
+    wall = 'venue.obstacles=[{{kind: line, name: wall, points_m: [[9, {y}], [-9, {y}]]}}]'
+    for y in (0.3, 0.15):
+        overrides = [*FEW, wall.format(y=y)]
+        said = Variants('street', 'street', overrides).answer('room', '', lambda: None)
+        assert '-' not in said['values'].get('gap', '')
+        if said['key'] == 'gap_to':
+            worst = min(venue_fit(load_scene('street', overrides)).gaps, key=lambda gap: gap.low_m)
+            assert (said['how'] == 'proved') == (float(said['values']['gap']) <= worst.low_m)
+
+
 FEW = ['dragon.benches=5', 'run.stop_s=30']
 STREET = {one.key: one.value for one in fields_of(load_scene('street', FEW)) if one.value is not None}
 
@@ -82,8 +106,8 @@ def test_the_answers_are_those_of_the_commands(server):
                                  'second': str(found.benches[1]), 'obstacle': ''}
     assert max_speed(until).ratio == 1
     assert (said['speed']['key'], values['speed']) == ('none_faster', {})
-    assert values['room']['free'] == f'{bounding_box(until).free_m[1]:.4f}'
-    assert values['pitch']['pitch'] == f'{min_pitch(scene.dragon, within_m=1e-9).high_m:.9f}'
+    assert 0 <= float(values['room']['free']) - bounding_box(until).free_m[1] < 1e-4
+    assert 0 <= float(values['pitch']['pitch']) - min_pitch(scene.dragon, within_m=1e-9).high_m < 1e-9
     assert [said[name]['how'] for name in QUESTIONS] == ['proved', 'proved', 'proved', 'proved', 'sampled']
     assert [said[name]['until_contact'] for name in QUESTIONS] == [False, True, True, False, True]
     assert 0 <= float(values['clearance']['gap']) < 5

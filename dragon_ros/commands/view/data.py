@@ -67,7 +67,7 @@ class ViewData:
                 'frames_each': self.frames_each, 'times_s': self.times_s.tolist(), 'track': shown,
                 'walls': _walls(self._source.venue), 'obstacles': self._source.has_obstacles,
                 'speeds': self._first.speed_m_s is not None, 'note': self._note(),
-                'window_m': window(track, seen).tolist(),
+                'window_m': window(track, seen, self._source.venue).tolist(),
                 'length_m': 2 * float(np.median(self._first.benches.half_length)),
                 'width_m': 2 * float(np.median(self._first.benches.half_width))}
 

@@ -7,7 +7,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from math import isfinite
+from math import ceil, isfinite
 from typing import TYPE_CHECKING, Any
 from urllib.parse import parse_qsl
 
@@ -25,6 +25,7 @@ if TYPE_CHECKING:       # imported lazily, by the first question
 _KEPT = 8               # number of cached variants
 _MOST_FIELDS = 60       # the page shows only the first fields of a route with hundreds of pieces
 _CHARACTERS = 32        # maximum length of a value in an address, in characters
+_FEW_PIECES = 8         # the radii of a track with more pieces are no fields
 _SECTIONS = ('dragon', 'track', 'head', 'run', 'venue')
 _OMITTED = 'rate_hz', 'stamp_offset_s'
 _CIRCLE_M = 9.0         # default turning circle of ``design min-pitch``
@@ -183,11 +184,15 @@ def _fields(key: str, value: Any) -> list[PageValue]:
     if isinstance(value, dict):
         return [one for part, inner in value.items() for one in _fields(f'{key}.{part}', inner)]
     if isinstance(value, list):     # a list of pieces or groups; lists of numbers have no fields
+        if name == 'pieces':        # a route has hundreds, and only radii can be changed without moving the whole way
+            radii = [(n, inner['radius_m']) for n, inner in enumerate(value, 1) if inner.get('radius_m') is not None]
+            return [one for n, radius_m in radii for one in _fields(f'{key}.{n}.radius_m', radius_m)
+                    if len(value) <= _FEW_PIECES]
         return [one for n, inner in enumerate(value, 1) if isinstance(inner, dict)
                 for one in _fields(f'{key}.{n}', inner)]
     if name in _OMITTED or isinstance(value, (bool, str)) or (value is None and name != 'stop_s'):
         return []
-    low, high, step = _RANGES.get(name, (0.0, 2 * abs(value or 1.0), 0.01))
+    low, high, step = _RANGES.get(name, (0.0, float(f'{2 * abs(value or 1.0):.3g}'), 0.01))
     if value is not None:
         low, high = min(low, value), max(high, value)
     return [PageValue(key, value, low, high, step)]
@@ -242,10 +247,11 @@ def _speed(variant: Variant, check: Check) -> Answer:
     """Return the largest speed of any handle up to the contact."""
     from dragon_ros.core.search.max_speed import max_speed
     most = max_speed(variant.until_contact(check), lambda looks: check())
+    ratio, until = f'{most.ratio:.9g}', variant.contact_s(check) is not None
+    sure = 'proved' if f'{most.bound:.9g}' == ratio else ''
     if most.ratio == 1:
-        return Answer('none_faster', {}, 'proved', variant.contact_s(check) is not None)
-    return Answer('fastest', {'handle': str(most.handle), 'ratio': f'{most.ratio:.9g}', 'along': f'{most.along_m:.6g}'},
-                  'proved', variant.contact_s(check) is not None)
+        return Answer('none_faster', {}, sure, until)
+    return Answer('fastest', {'handle': str(most.handle), 'ratio': ratio, 'along': f'{most.along_m:.6g}'}, sure, until)
 
 
 def _pitch(variant: Variant, check: Check) -> Answer:
@@ -255,8 +261,7 @@ def _pitch(variant: Variant, check: Check) -> Answer:
         return Answer('no_spiral')
     found = min_pitch(variant.scene.dragon, _CIRCLE_M, variant.scene.track.start_turns, within_m=1e-9,
                       progress=lambda states: check())
-    return Answer('least_pitch', {'pitch': f'{found.high_m:.9f}', 'circle': f'{_CIRCLE_M:g}'},
-                  'proved')
+    return Answer('least_pitch', {'pitch': f'{_up(found.high_m, 9):.9f}', 'circle': f'{_CIRCLE_M:g}'}, 'proved')
 
 
 def _room(variant: Variant, check: Check) -> Answer:
@@ -265,12 +270,20 @@ def _room(variant: Variant, check: Check) -> Answer:
     if scene.venue is not None:
         from dragon_ros.core.search.venue_fit import venue_fit
         worst = min(venue_fit(scene, progress=lambda looks: check()).gaps, key=lambda gap: gap.low_m)
-        return Answer('gap_to', {'gap': f'{worst.low_m:.4f}', 'name': worst.name,
-                                 'wanted': f'{scene.venue.margin_m:g}'}, 'proved', until)
+        if worst.high_m <= 0:
+            return Answer('touches', {'name': worst.name}, 'proved', until)
+        gap_m = max(0.0, -_up(-worst.low_m, 4))     # rounded down
+        return Answer('gap_to', {'gap': f'{gap_m:.4f}', 'name': worst.name, 'wanted': f'{scene.venue.margin_m:g}'},
+                      'proved' if worst.low_m >= gap_m else '', until)
     from dragon_ros.core.search.bounding_box import bounding_box
     box = bounding_box(scene, progress=lambda looks: check())
     (_, centred), (_, free) = box.centred_m, box.free_m
-    return Answer('square', {'free': f'{free:.4f}', 'centred': f'{centred:.4f}'}, 'proved', until)
+    return Answer('square', {'free': f'{_up(free, 4):.4f}', 'centred': f'{_up(centred, 4):.4f}'}, 'proved', until)
+
+
+def _up(value: float, decimals: int) -> float:
+    """Return a proved upper bound, rounded up, so that the shown number is proved, too."""
+    return ceil(value * 10 ** decimals) / 10 ** decimals
 
 
 QUESTIONS: dict[str, Callable[[Variant, Check], Answer]] = {

@@ -203,7 +203,7 @@ async function follow(on) {
   player.following = on;
   element('follow').setAttribute('aria-pressed', on);
   remember('follow', on ? 'yes' : 'no');
-  if (!on || !player.frame) return;
+  if (!on || !player.frame || !built('scene')) return;
   const far = shownSpan() > FAR_LENGTHS * run.length_m;
   await lookAt(headOf(player.frame), far ? NEAR_LENGTHS * run.length_m / shownSpan() : 1);
 }
@@ -318,16 +318,22 @@ async function show(frame, t) {
   }
 }
 
+/** Whether a plot has been drawn, so that it can be changed. */
+const built = (id) => Boolean(element(id)._fullLayout);
+
 async function draw(frame, t) {
   player.frame = frame;
   const exact = contact && t === contact.t_s, scene = sceneData(frame), speeds = run.speeds ? speedData(frame) : null;
   element('time').textContent = `${t.toFixed(exact ? 6 : 2)} s`;
   element('scrub').value = player.tick;
-  if (player.following) await lookAt(headOf(frame));
-  if (run.drawn) await Plotly.animate('scene', {data: scene, traces: [1, 2, 3]}, AT_ONCE);
-  else { drawMany(frame); countFrames(); }
-  await Plotly.animate('clearance', {data: [{x: [t, t], y: [player.low, player.high]}], traces: [2]}, AT_ONCE);
-  if (speeds) await drawSpeedsNow(speeds);
+  if (player.following && built('scene')) await lookAt(headOf(frame));
+  if (!run.drawn) { drawMany(frame); countFrames(); } else if (built('scene')) {
+    await Plotly.animate('scene', {data: scene, traces: [1, 2, 3]}, AT_ONCE);
+  }
+  if (curve && built('clearance')) {
+    await Plotly.animate('clearance', {data: [{x: [t, t], y: [player.low, player.high]}], traces: [2]}, AT_ONCE);
+  }
+  if (speeds && built('speeds')) await drawSpeedsNow(speeds);
 }
 
 /** Count frames, and show their rate once per second. */
@@ -406,7 +412,7 @@ async function goToHash() {
   const t = parseFloat(location.hash.replace('#t=', ''));
   if (location.hash === '#contact' && contact) await zoomToContact();
   else if (Number.isFinite(t)) await seek(t);
-  else if (!document.body.dataset.ready) await goTo(0);
+  else if (!document.body.dataset.ready) await goTo(player.tick);
 }
 
 // ---- the page
@@ -417,22 +423,23 @@ function complain(error) {
 }
 
 function connect() {
-  const toggle = () => (player.playing ? pause() : play());
-  const by = (ticks) => { pause(); goTo(player.tick + ticks); };
+  const toggle = () => { if (run) (player.playing ? pause() : play()); };      // nothing can be played before the run is known
+  const closer = (ratio) => { if (built('scene')) zoom(ratio); };
+  const by = (ticks) => to(player.tick + ticks);
+  const to = (tick) => { if (!run) return; pause(); goTo(tick).catch(complain); };
   element('play').addEventListener('click', toggle);
   element('back').addEventListener('click', () => by(-1));
   element('forward').addEventListener('click', () => by(1));
-  element('scrub').addEventListener('input', (event) => { pause(); goTo(Number(event.target.value)); });
+  element('scrub').addEventListener('input', (event) => to(Number(event.target.value)));
   element('pace').addEventListener('change', (event) => { player.pace = Number(event.target.value); });
-  element('whole').addEventListener('click', async () => { await follow(false); await Plotly.relayout('scene', wholeRange()); });
+  element('whole').addEventListener('click', async () => { if (!built('scene')) return; await follow(false); await Plotly.relayout('scene', wholeRange()); });
   element('follow').addEventListener('click', () => follow(!player.following).catch(complain));
   pinch(element('scene'));
   new ResizeObserver(() => refit().catch(complain)).observe(element('scene'));
   element('contact').addEventListener('click', () => zoomToContact().catch(complain));
   document.addEventListener('keydown', (event) => {
-    const to = (tick) => { pause(); goTo(tick); };
-    const action = {' ': toggle, ArrowLeft: () => by(-1), ArrowRight: () => by(1), Home: () => to(0), End: () => to(run.times_s.length - 1),
-      f: () => follow(!player.following), g: otherDrawing, '+': () => zoom(1 / CLOSER), '=': () => zoom(1 / CLOSER), '-': () => zoom(CLOSER)}[event.key];
+    const action = {' ': toggle, ArrowLeft: () => by(-1), ArrowRight: () => by(1), Home: () => to(0), End: () => to(run ? run.times_s.length - 1 : 0),
+      f: () => follow(!player.following), g: otherDrawing, '+': () => closer(1 / CLOSER), '=': () => closer(1 / CLOSER), '-': () => closer(CLOSER)}[event.key];
     const own = {INPUT: event.key !== ' ', SELECT: true, BUTTON: event.key === ' '}[event.target.tagName];    // keys of the element
     if (action && !own && !event.ctrlKey && !event.altKey && !event.metaKey) { event.preventDefault(); action(); }
   });
@@ -490,14 +497,15 @@ async function load() {
   [run, contact, curve, player.wanted] = [loaded, null, null, null];
   describe();
   player.t = Math.max(run.times_s[0], Math.min(run.times_s.at(-1), player.t));
-  player.tick = tickAt(player.t);
-  await chunk(Math.floor(player.tick / run.frames_each)).ready;
-  player.frame = frameOf(player.tick);
+  const tick = player.tick = tickAt(player.t);
+  await chunk(Math.floor(tick / run.frames_each)).ready;
+  player.frame = frameOf(tick);
   player.halves = run.placed ? sizesOf(run.sizes) : null;
   if (canvas) canvas.hidden = !run.placed;
   element('scrub').value = player.tick;
   await drawScene(player.frame);
   await drawSpeeds(player.frame);
+  if (player.tick !== tick) await goTo(player.tick);      // a key or a button came meanwhile
   document.body.dataset.drawn = 'yes';
 }
 
@@ -511,11 +519,11 @@ async function loadContact() {
 
 async function start() {
   translate();
-  await prepare();
   player.t = -Infinity;
+  connect();
+  await prepare();
   await load();
   offerPaces();
-  connect();
   await loadContact();
   await goToHash();
   for (const changed of [DARK, NARROW]) changed.addEventListener('change', () => redraw().catch(complain));

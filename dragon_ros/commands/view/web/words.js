@@ -45,6 +45,7 @@ const WORDS = {
   least_pitch: ['{pitch} m: no contact on the way in to a circle {circle} m in diameter; just below, benches overlap', '{pitch} m：盘入直径 {circle} m 的圆时没有碰撞，再略小则有板凳重叠'],
   no_spiral: ['only for a track that is a single spiral', '仅适用于单条螺线的轨迹'],
   gap_to: ['smallest gap {gap} m, to {name}; required {wanted} m', '最小间隙 {gap} m（到 {name}）；要求 {wanted} m'],
+  touches: ['a bench touches {name}', '有板凳碰到{name}'],
   square: ['a square of {free} m, or of {centred} m about the origin', '边长 {free} m 的正方形；以原点为中心则为 {centred} m'],
   until_contact: ['; up to the contact', '；到碰撞为止'], refused: ['{text}', '无法计算：{text}'],
   proved: ['proved', '已证明'], sampled: ['sampled', '抽样'],
