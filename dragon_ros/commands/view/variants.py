@@ -283,7 +283,8 @@ def _room(variant: Variant, check: Check) -> Answer:
 
 def _up(value: float, decimals: int) -> float:
     """Return a proved upper bound, rounded up, so that the shown number is proved, too."""
-    return ceil(value * 10 ** decimals) / 10 ** decimals
+    scale = float(10 ** decimals)
+    return ceil(value * scale) / scale
 
 
 QUESTIONS: dict[str, Callable[[Variant, Check], Answer]] = {
