@@ -11,9 +11,8 @@ from rclpy.publisher import Publisher
 from std_msgs.msg import ColorRGBA, Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dragon_ros.core.frame import Frame
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.step import tick
+from dragon_ros.core.step import Frame, tick
 from dragon_ros.messages.cdr import half_turns, stamp_of
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders

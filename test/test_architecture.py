@@ -43,9 +43,9 @@ CORE_ROOMS = {
     'tracks': ('limits', *CHAIN[:4]), 'chain': CHAIN[:5], 'promise': ('errors',),
     'scene': (*VALUES, 'promise', 'tracks', 'chain', 'venue'),
     'paper': CHAIN, 'shift_map': CHAIN, 'model': MODEL[:-1], 'geometry': (*CHAIN, 'venue', 'limits'),
-    'enclosures': (*CHAIN, 'geometry'), 'frame': (*CHAIN, 'geometry'), 'search': (*MODEL, 'geometry', 'enclosures'),
-    'effects': (*MODEL, 'geometry', 'frame'), 'step': (*MODEL, 'geometry', 'frame', 'effects'),
-    'batches': (*MODEL, 'geometry', 'frame', 'effects', 'step')}
+    'enclosures': (*CHAIN, 'geometry'), 'search': (*MODEL, 'geometry', 'enclosures'),
+    'effects': (*MODEL, 'geometry'), 'step': (*MODEL, 'geometry', 'effects'),
+    'batches': (*MODEL, 'geometry', 'effects', 'step')}
 # A scene may import only value types from these rooms.
 OF_SCENE = {'chain': {'commanded', 'dragon', 'head_law'}, 'tracks': {'spec'}}
 LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': set(),
@@ -240,7 +240,7 @@ def not_found(folder, other, upward_of):
 @pytest.mark.parametrize(('room', 'other'), [
     ('flags', 'geometry.signed_distance'), ('tracks', 'chain.chain'), ('chain', 'shift_map.table'),
     ('shift_map', 'model'), ('scene', 'model'), ('scene', 'chain.chain'), ('scene', 'tracks.spiral'),
-    ('frame', 'effects.noise'), ('geometry', 'frame'), ('enclosures', 'model'), ('model', 'search.first_contact'),
+    ('geometry', 'step'), ('enclosures', 'model'), ('model', 'search.first_contact'),
     ('effects', 'step'), ('step', 'batches'), ('search', 'step'), ('errors', 'checks'), ('paper', 'shift_map.blocks'),
     ('promise', 'chain.chain'), ('limits', 'errors')])
 def test_a_planted_upward_import_inside_the_core_is_found(tmp_path, room, other):

@@ -17,7 +17,6 @@ import numpy as np
 from dragon_ros.core.batches import COLUMNS, batches, states, velocity_of
 from dragon_ros.core.checks import number, whole
 from dragon_ros.core.errors import FieldError, MissingError, naming_arguments
-from dragon_ros.core.frame import Frame
 from dragon_ros.core.geometry.near_obstacles import with_obstacles
 from dragon_ros.core.geometry.near_pairs import closeness
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of, corner_levers
@@ -25,7 +24,7 @@ from dragon_ros.core.geometry.venue import surroundings_of
 from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.step import state, tick
+from dragon_ros.core.step import Frame, state, tick
 from dragon_ros.core.words import counted
 from dragon_ros.scenes.load import changed_scene, scene_of
 from dragon_ros.scenes.load import scene_values as values_of_scene

@@ -7,12 +7,11 @@ import numpy as np
 
 from dragon_ros.core.chain.chain import Chain, stack
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.frame import Frame
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.step import frame_of
+from dragon_ros.core.step import Frame, frame_of
 
 COLUMNS = ('t_s', 'handle', 'x_m', 'y_m', 'vx_m_s', 'vy_m_s', 'speed_m_s')     # of a table of handles at many times
 _BATCH_HANDLES = 2**18      # handles per batch (8 MB with velocities); the cost of the calls dominates smaller batches

@@ -6,15 +6,49 @@ requests adds its field to the frame. A frame is a function of (scene, k) alone:
 repeatedly or in parallel, with bit-identical results. ``batches`` computes many instants at once.
 """
 from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 from dragon_ros.core import effects
 from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.chain.commanded import Walked
-from dragon_ros.core.frame import Frame
+from dragon_ros.core.geometry.contacts import Closeness, Contacts
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
+
+if TYPE_CHECKING:       # the modules of effects that are off are not imported
+    from dragon_ros.core.effects.health import Health
+    from dragon_ros.core.effects.leading import LeaderMotion
+    from dragon_ros.core.effects.noise import NoisyHandles
+
+
+class Frame(NamedTuple):
+    """All results of the core at one instant; arrays are read-only, and the field of an effect that is off is None.
+
+    A frame is a tuple, because every tick creates one: a frozen dataclass of so many fields takes 2 µs longer.
+    """
+
+    k: int | None
+    t_ns: int
+    chain: Chain
+    axis: Floats
+    velocity_m_s: Floats | None = None
+    benches: Benches | None = None
+    closeness: Closeness | None = None
+    contacts: Contacts | None = None
+    acceleration_m_s2: Floats | None = None
+    tension_n_kg: Floats | None = None
+    measured: 'NoisyHandles | None' = None
+    trail_m: Floats | None = None
+    health: 'Health | None' = None
+    leader: 'LeaderMotion | None' = None
+    joint_rad: Floats | None = None
+
+    def __repr__(self) -> str:
+        """Name the tick and the fields that are set, but omit their long arrays."""
+        there = [one for one in self._fields[2:] if getattr(self, one) is not None]
+        return f'Frame(k={self.k}, t_ns={self.t_ns}, with {", ".join(there)})'
 
 
 def tick(scene: Scene, k: int) -> Frame:

@@ -3,9 +3,9 @@ from collections.abc import Callable, Mapping
 
 import numpy as np
 
-from dragon_ros.core.frame import Frame
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
+from dragon_ros.core.step import Frame
 from dragon_ros.messages.cdr import (
     CloudTemplate,
     JointsTemplate,

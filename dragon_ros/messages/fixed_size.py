@@ -5,8 +5,8 @@ from operator import attrgetter
 
 import numpy as np
 
-from dragon_ros.core.frame import Frame
 from dragon_ros.core.numerics.types import Array, Floats, read_only
+from dragon_ros.core.step import Frame
 from dragon_ros.messages.cdr import Room, Template, stamps_of
 
 Encode = Callable[[Frame], bytes]

@@ -9,10 +9,10 @@ import numpy as np
 from dragon_ros.bags.read.reader import Message
 from dragon_ros.core.chain.dragon import AnyDragon
 from dragon_ros.core.errors import FieldError, InputError
-from dragon_ros.core.frame import Frame
 from dragon_ros.core.geometry.rectangles import Benches, benches_of
 from dragon_ros.core.limits import COORDINATE_M, FILTER_CHARACTERS, FILTER_POINTS, FILTER_S
 from dragon_ros.core.numerics.types import Array, Floats
+from dragon_ros.core.step import Frame
 from dragon_ros.messages.decode import MessageError, Poses, is_empty_array, read_multi_array
 from dragon_ros.messages.observation import observation_of, placed, read_benches, read_handles
 

@@ -5,11 +5,10 @@ from threading import Thread
 
 from dragon_ros.core.batches import ticks
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.certificate import Contact
-from dragon_ros.core.step import contact_frame, tick, ticks_before
+from dragon_ros.core.step import Frame, contact_frame, tick, ticks_before
 from dragon_ros.core.words import counted
 
 _TOGETHER_HANDLES = 2**11       # handles per group of ticks: few enough for their messages to stay in the cache

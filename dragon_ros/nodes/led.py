@@ -8,12 +8,12 @@ from typing import Any
 from geometry_msgs.msg import Twist, TwistStamped
 
 from dragon_ros.core.chain.commanded import Commanded, Walked, next_law, walked_from
-from dragon_ros.core.effects.proximity import named_pair, touching
+from dragon_ros.core.effects.proximity import closeness, named_pair
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.frame import Frame
-from dragon_ros.core.model import TravelEnd, compile_scene
+from dragon_ros.core.geometry.rectangles import benches_of
+from dragon_ros.core.model import Simulation, TravelEnd, compile_scene
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import led_tick
+from dragon_ros.core.step import Frame, led_tick
 from dragon_ros.core.words import counted
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.frames import build_tables
@@ -131,7 +131,7 @@ class LedFrames:
         t_s = self._t_s(self.k)
         self._law = self._next_law(t_s) if self._law else walked_from(self._settings, t_s)
         frame = led_tick(self._simulation, self._law, self.k)
-        if self._minds_contact and (pairs := touching(self._simulation, frame)):
+        if self._minds_contact and (pairs := _touching(self._simulation, frame)):
             self._stopped = f'{named_pair(self._scene, pairs[0])} are in contact at {t_s:.9f} s, tick {self.k}'
             self._say(f'stopping: {self._stopped}')
         self.k += 1
@@ -178,3 +178,10 @@ class LedFrames:
     def ending(self) -> str:
         """Return why there is no next frame."""
         return self._stopped or f'the run ends after {counted(self.count, "tick")}'
+
+
+def _touching(simulation: Simulation, frame: Frame) -> list[tuple[int, int]]:
+    """Return the pairs that touch, the deepest first, regardless of which effects are on."""
+    benches = frame.benches or benches_of(frame.chain, simulation.scene.dragon, frame.axis)
+    found = frame.closeness or closeness(simulation, frame.chain, benches)
+    return list(zip(found.i.tolist(), found.j.tolist(), strict=True))

@@ -13,8 +13,8 @@ from rclpy.qos import DurabilityPolicy
 from rclpy.serialization import serialize_message
 
 from dragon_ros.core.errors import InputError, shown
-from dragon_ros.core.frame import Frame
 from dragon_ros.core.limits import SUBSCRIBERS
+from dragon_ros.core.step import Frame
 from dragon_ros.messages.fixed_size import Encode, Together, each
 from dragon_ros.nodes import shell
 from dragon_ros.nodes.params import DISCOVERY_S

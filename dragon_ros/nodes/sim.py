@@ -13,10 +13,10 @@ from dragon_ros.cli import command_line
 from dragon_ros.core.chain.commanded import Commanded
 from dragon_ros.core.errors import FieldError, InputError, MissingError, shown
 from dragon_ros.core.flags import Effect
-from dragon_ros.core.frame import Frame
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
 from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.core.step import Frame
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders

@@ -3,7 +3,7 @@ from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-from dragon_ros.core.frame import Frame
+from dragon_ros.core.step import Frame
 from dragon_ros.messages.cdr import half_turns, stamp_of
 from dragon_ros.messages.urdf import ROOT
 from dragon_ros.nodes import shell

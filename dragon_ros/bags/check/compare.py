@@ -24,12 +24,11 @@ from dragon_ros.bags.record.loss_accounting import RECEIVED
 from dragon_ros.core.batches import ticks
 from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Array, Ints
 from dragon_ros.core.promise import speed_promise_m_s
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import contact_frame, led_tick, tick, ticks_before
+from dragon_ros.core.step import Frame, contact_frame, led_tick, tick, ticks_before
 from dragon_ros.core.words import counted
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels

@@ -1,6 +1,26 @@
 """The accuracy with which a tick was solved."""
+from dataclasses import dataclass
+
 from dragon_ros.core.chain.chain import Chain
-from dragon_ros.core.frame import Health
+
+
+@dataclass(frozen=True)
+class Health:
+    """The solver that placed the handles, its evaluation count, and the link with the largest error.
+
+    ``off_m`` is the error of this link, and ``allowed_m`` is the error that is allowed.
+    """
+
+    solver: str
+    evaluations: int
+    link: int
+    off_m: float
+    allowed_m: float
+
+    @property
+    def good(self) -> bool:
+        """Whether the error of the worst link is within the allowed errors of both its handles."""
+        return self.off_m <= self.allowed_m
 
 
 def chain_health(chain: Chain, promise_m: float) -> Health:

@@ -1,8 +1,22 @@
 """The leading handle: its position, direction and speed."""
+from dataclasses import dataclass
+
 from dragon_ros.core.chain.chain import Chain
-from dragon_ros.core.frame import LeaderMotion
 from dragon_ros.core.model import Simulation
-from dragon_ros.core.numerics.types import read_only
+from dragon_ros.core.numerics.types import Floats, read_only
+
+
+@dataclass(frozen=True)
+class LeaderMotion:
+    """The leading handle: its position (m) and the unit direction of its motion, each of shape (2,), and its speed.
+
+    ``turn_rad_s`` is the rate at which this direction turns, positive to the left.
+    """
+
+    p: Floats
+    direction: Floats
+    speed_m_s: float
+    turn_rad_s: float
 
 
 def leader_motion(simulation: Simulation, t_s: float, chain: Chain) -> LeaderMotion:

@@ -1,9 +1,18 @@
 """Handles as observed by a noisy sensor: a function of (seed, tick), so ticks can be computed in any order."""
+from dataclasses import dataclass
+
 import numpy as np
 
 from dragon_ros.core.flags import Noise
-from dragon_ros.core.frame import NoisyHandles
 from dragon_ros.core.numerics.types import Floats, read_only
+
+
+@dataclass(frozen=True)
+class NoisyHandles:
+    """Noisy handle positions (m, shape (N+1, 2)) and noisy unit directions of the links (shape (N, 2))."""
+
+    p: Floats
+    axis: Floats
 
 
 def noisy_handles(noise: Noise, k: int | None, t_ns: int, p: Floats, axis: Floats) -> NoisyHandles:

@@ -5,10 +5,9 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from dragon_ros.core.chain.chain import Chain
-from dragon_ros.core.frame import Frame
 from dragon_ros.core.geometry.contacts import Closeness, Contacts, pair_words
 from dragon_ros.core.geometry.near_pairs import NearPairs
-from dragon_ros.core.geometry.rectangles import Benches, benches_of
+from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.geometry.signed_distance import witnesses
 from dragon_ros.core.model import Model, Simulation
 from dragon_ros.core.scene import Scene
@@ -35,13 +34,6 @@ def closeness(simulation: Simulation, chain: Chain, benches: Benches) -> Closene
     if obstacles is None or obstacles.around is not around:
         obstacles = _OBSTACLES[simulation.model] = NearObstacles(around)
     return obstacles.look(found, benches)
-
-
-def touching(simulation: Simulation, frame: Frame) -> list[tuple[int, int]]:
-    """Return the pairs that touch, the deepest first, regardless of which effects are on."""
-    benches = frame.benches or benches_of(frame.chain, simulation.scene.dragon, frame.axis)
-    found = frame.closeness or closeness(simulation, frame.chain, benches)
-    return list(zip(found.i.tolist(), found.j.tolist(), strict=True))
 
 
 def named_pair(scene: Scene, pair: tuple[int, int]) -> str:
