@@ -1,5 +1,5 @@
 """Budgets for workbooks and CSV files that are graded, which are untrusted; a file that exceeds one is rejected."""
-from typing import NamedTuple
+from dragon_ros.cli.inputs import Limit
 
 MB = 2**20
 BOOK_BYTES = 16 * MB
@@ -14,16 +14,6 @@ BOOK_TEXTS = 500_000
 BOOK_TEXT_BYTES = 16 * MB
 BOOK_TIMES = 1000
 GRADED_BOOKS = 10_000
-
-
-class Limit(NamedTuple):
-    """One budget: the name of its constant, the quantity that it bounds, its unit, and the effect of exceeding it."""
-
-    name: str
-    bounds: str
-    unit: str
-    beyond: str
-
 
 LIMITS = (
     Limit('BOOK_BYTES', 'a workbook or CSV file that `grade` reads', 'bytes', 'rejected'),

@@ -61,8 +61,6 @@ BESIDE = {'hard_cases': {'hard_cases'}, 'benchmarks': {'benchmarks', 'hard_cases
 
 # The one file that may use private names of other packages, and public names of NamedTuple that look private.
 INTERNALS = PACKAGE / 'nodes/rclpy_internals.py'
-STILL_PRIVATE = {'cli/completion.py': {'_SubParsersAction'}, 'pictures/film.py': {'_avif'},
-                 'cli/pool.py': {'_executor_manager_thread', '_result_queue'}}      # to be removed with their code
 OF_TUPLES = {'_replace', '_fields', '_asdict', '_make', '_field_defaults'}
 
 
@@ -478,7 +476,7 @@ def test_one_file_alone_uses_private_names_of_other_packages():
     own = own_private_names(paths) | {'_exit'}      # os._exit is documented
     found = {path.relative_to(ROOT).as_posix().removeprefix('dragon_ros/'): private_names_of_others(
         path.read_text(), own) for path in paths}
-    assert {path: names for path in found if (names := found[path] - STILL_PRIVATE.get(path, set()))} == {}
+    assert {path: names for path, names in found.items() if names} == {}
     assert 'rclpy_implementation' in INTERNALS.read_text()
 
 

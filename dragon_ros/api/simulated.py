@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dragon_ros.core.batches import COLUMNS, batches, states, velocity_of
+from dragon_ros.core.batches import batches, states, velocity_of
 from dragon_ros.core.checks import number, whole
 from dragon_ros.core.errors import FieldError, MissingError, naming_arguments
 from dragon_ros.core.geometry.near_obstacles import with_obstacles
@@ -25,7 +25,7 @@ from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import Frame, state, tick
-from dragon_ros.core.words import counted
+from dragon_ros.core.words import COLUMNS, counted
 from dragon_ros.scenes.load import changed_scene, scene_of
 from dragon_ros.scenes.load import scene_values as values_of_scene
 from dragon_ros.scenes.yaml import Document

@@ -209,6 +209,12 @@ def add_workers_option(options: argparse.ArgumentParser, what: str, of: str = ''
                          f'work); the {what} does not depend on it')
 
 
+def check_workers(arguments: argparse.Namespace) -> None:
+    """Raise InputError if --workers is invalid, before a long bag is read."""
+    from dragon_ros.cli.pool import workers_of
+    workers_of(arguments.workers)
+
+
 def add_handles_option(options: argparse.ArgumentParser) -> None:
     """Add --handles, which takes numbers and ranges (``cli.ranges``)."""
     options.add_argument('--handles', metavar='I,...|FIRST-LAST|START:STOP:STEP', help='handles (all)')

@@ -32,7 +32,7 @@ def answer(parser: argparse.ArgumentParser) -> None:
 def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
     for action in parser._actions:
         yield action
-        if isinstance(action, argparse._SubParsersAction):
+        if isinstance(action.choices, dict):        # subcommands
             for child in action.choices.values():
                 yield from _actions(child)
 

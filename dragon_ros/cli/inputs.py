@@ -7,9 +7,9 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from dragon_ros.bags.write import COMPRESSIONS
     from dragon_ros.bags.write.lock import lock
     from dragon_ros.configuration import folder as configuration_folder
-    from dragon_ros.core.batches import COLUMNS
     from dragon_ros.core.checks import choice, number, settle, whole
     from dragon_ros.core.domain import COORDINATE, PITCH, SPEED
     from dragon_ros.core.errors import (
@@ -21,8 +21,9 @@ if TYPE_CHECKING:
         naming_arguments,
         shown,
     )
+    from dragon_ros.core.limits import Limit
     from dragon_ros.core.numerics.types import Floats, Ints, read_only
-    from dragon_ros.core.words import counted
+    from dragon_ros.core.words import COLUMNS, counted
     from dragon_ros.scenes.load import changed_scene, scene_of, scene_values
     from dragon_ros.scenes.provenance import versions
     from dragon_ros.scenes.schema import Schema, kind_schema, scene_schema
@@ -30,18 +31,20 @@ if TYPE_CHECKING:
     from dragon_ros.version import __version__
 
 __all__ = [
-    'COLUMNS', 'COORDINATE', 'PITCH', 'SPEED', 'DiskError', 'Document', 'DragonError', 'FieldError', 'Floats',
-    'InputError', 'Ints', 'MissingError', 'Schema', '__version__', 'changed_scene', 'choice', 'configuration_folder',
-    'counted', 'kind_schema', 'lock', 'naming_arguments', 'number', 'parse_document', 'plain_number', 'read_document',
-    'read_only', 'scene_of', 'scene_schema', 'scene_values', 'settle', 'shown', 'versions', 'whole']
+    'COLUMNS', 'COMPRESSIONS', 'COORDINATE', 'PITCH', 'SPEED', 'DiskError', 'Document', 'DragonError', 'FieldError',
+    'Floats', 'InputError', 'Ints', 'Limit', 'MissingError', 'Schema', '__version__', 'changed_scene', 'choice',
+    'configuration_folder', 'counted', 'kind_schema', 'lock', 'naming_arguments', 'number', 'parse_document',
+    'plain_number', 'read_document', 'read_only', 'scene_of', 'scene_schema', 'scene_values', 'settle', 'shown',
+    'versions', 'whole']
 _FROM = {
+    'dragon_ros.bags.write': 'COMPRESSIONS',
     'dragon_ros.bags.write.lock': 'lock',
-    'dragon_ros.core.batches': 'COLUMNS',
     'dragon_ros.core.checks': 'choice number settle whole',
     'dragon_ros.core.domain': 'COORDINATE PITCH SPEED',
     'dragon_ros.core.errors': 'DiskError DragonError FieldError InputError MissingError naming_arguments shown',
+    'dragon_ros.core.limits': 'Limit',
     'dragon_ros.core.numerics.types': 'Floats Ints read_only',
-    'dragon_ros.core.words': 'counted',
+    'dragon_ros.core.words': 'COLUMNS counted',
     'dragon_ros.scenes.load': 'changed_scene scene_of scene_values',
     'dragon_ros.scenes.provenance': 'versions',
     'dragon_ros.scenes.schema': 'Schema kind_schema scene_schema',

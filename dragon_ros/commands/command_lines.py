@@ -1,107 +1,10 @@
-"""The command lines of the larger commands, whose modules are imported only after the arguments are parsed."""
+"""The command lines of route and plan, whose modules are imported only after the arguments are parsed."""
 from argparse import ArgumentParser
 from functools import partial
 from pathlib import Path
 
-from dragon_ros.bags.write import COMPRESSIONS
 from dragon_ros.cli import command_line
 from dragon_ros.cli.language import add_lang_option
-from dragon_ros.guests import installed
-
-EXPORT_FORMATS = ('csv', 'parquet', 'npz')
-
-
-def table(argv: list[str]) -> int:
-    """Print a table; return the exit code."""
-    options = command_line.parser('table', 'Print positions and velocities of handles (handle 0 is the head, and '
-                                  'the last handle is the tail).',
-                                  'table --times 0,60,300 --handles 0,1,51,223')
-    command_line.add_bag(options, 'bag to read instead of a scene; the first tick at or after each time is used')
-    command_line.add_scene_options(options)
-    command_line.add_namespace_option(options)
-    command_line.add_times_option(options, 'times in seconds (0, or the start of the bag)')
-    command_line.add_handles_option(options)
-    options.set_defaults(paper=False, contest=None, lang=None)
-    guests = installed()
-    if 'table --paper' in guests:
-        options.add_argument('--paper', action='store_true', help=guests['table --paper'].help)
-    if 'table --contest' in guests:
-        options.add_argument('--contest', type=Path, metavar='FOLDER', help=guests['table --contest'].help)
-        add_lang_option(options, '--paper and --contest')
-    command_line.add_output_options(options, ('text', 'csv', 'json', 'xlsx'))
-    arguments = options.parse_args(argv)
-    from dragon_ros.commands.table import run
-    return command_line.guarded('table', partial(run, arguments))
-
-
-def inspect(argv: list[str]) -> int:
-    """Inspect, check or repair a bag; return the exit code (1 if the bag has faults)."""
-    options = command_line.parser('inspect', 'Summarise a bag: topics, rates, missing ticks, scene, first contact, '
-                                  'clearance, integrity.', 'inspect run.mcap --check')
-    command_line.add_bag(options, 'an .mcap file or a rosbag2 folder', required=True)
-    options.add_argument('--check', action='store_true', help='recompute every tick from the scene in the bag, and '
-                         'compare it bit for bit or, if bits differ, within the promise')
-    options.add_argument('--trust', action='store_true', help='recompute the scene in the bag even if it '
-                         'exceeds the budgets (docs/limits.md)')
-    options.add_argument('--repair', type=Path, metavar='OUT', help='write all readable messages to a complete bag')
-    options.add_argument('--looks', type=int, metavar='N', help='number of evenly spaced ticks at which the clearance '
-                         'is computed; 0 means all ticks (200)')
-    command_line.add_namespace_option(options)
-    command_line.add_workers_option(options, 'result', ' of --check')
-    command_line.add_output_options(options, ('text', 'json'))
-    arguments = options.parse_args(argv)
-    from dragon_ros.commands.inspect import run
-    return command_line.guarded('inspect', partial(run, arguments))
-
-
-def export(argv: list[str]) -> int:
-    """Export a bag to a file; return the exit code."""
-    options = command_line.parser('export', 'Export the handles and velocities in a bag as a table with one row per '
-                                  'tick and handle (CSV, Parquet), or as arrays that include the benches (npz).',
-                                  'export run.mcap --format npz --output run.npz')
-    command_line.add_bag(options, 'an .mcap file or a rosbag2 folder', required=True)
-    command_line.add_format_option(options, EXPORT_FORMATS)
-    options.add_argument('--output', type=Path, metavar='FILE', required=True, help='file to write')
-    options.add_argument('--force', action='store_true', help='replace an existing file')
-    options.add_argument('--every', type=int, default=1, metavar='N', help='export only every Nth tick (%(default)s)')
-    command_line.add_handles_option(options)
-    command_line.add_namespace_option(options)
-    command_line.add_workers_option(options, 'file')
-    arguments = options.parse_args(argv)
-    from dragon_ros.commands.export import run
-    return command_line.guarded('export', partial(run, arguments))
-
-
-def simulate(argv: list[str]) -> int:
-    """Write a bag; return the exit code, which is 1 if a signal ended the command early. The bag is always complete."""
-    options = command_line.parser('simulate', 'Write the same bag as `sim` and `record`, bit for bit, without ROS and '
-                                  'as fast as possible.',
-                                  'simulate --scene winding --output run.mcap')
-    command_line.add_scene_options(options)
-    options.add_argument('--output', type=Path, metavar='BAG', required=True,
-                         help='bag to write: a file if its name ends in .mcap, otherwise a rosbag2 folder')
-    options.add_argument('--force', action='store_true', help='replace an existing bag')
-    options.add_argument('--rate', type=float, metavar='HZ', help='ticks per second (as in the scene)')
-    options.add_argument('--compression', choices=COMPRESSIONS, default='zstd', help='compression of the bag '
-                                                                                     '(%(default)s)')
-    options.add_argument('--namespace', default='/dragon', help='namespace of the topics (%(default)s)')
-    command_line.add_workers_option(options, 'bag')
-    arguments = options.parse_args(argv)
-    from dragon_ros.commands.simulate import run
-    return command_line.guarded('simulate', partial(run, arguments))
-
-
-def demo(argv: list[str]) -> int:
-    """Run the demonstration; return the exit code."""
-    options = command_line.parser('demo', 'Run sim, monitor and recorder over DDS on this host until the first '
-                                  'contact; replay the bag, check it against the model, and draw the contact.',
-                                  'demo --pace 4')
-    options.add_argument('--output', type=Path, default=Path('dragon_demo'), metavar='FOLDER',
-                         help='folder for the bag and the picture; replaces an earlier demo (%(default)s)')
-    options.add_argument('--pace', type=float, default=2.0, help='simulated seconds per real second (%(default)g)')
-    arguments = options.parse_args(argv)
-    from dragon_ros.commands.demo import run
-    return command_line.guarded('demo', partial(run, arguments))
 
 
 def route(argv: list[str]) -> int:

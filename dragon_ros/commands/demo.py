@@ -8,20 +8,14 @@ import time
 from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 from typing import IO, Any, NoReturn
 
-from tqdm import tqdm
-
 import dragon_ros as dr
 from dragon_ros.cli import command_line
-from dragon_ros.cli.dds_domain import free_domain, local_environment
-from dragon_ros.cli.figures import save, style
-from dragon_ros.cli.inputs import lock
 from dragon_ros.cli.signals import ending
-from dragon_ros.pictures.dragon import contact_picture
-from dragon_ros.pictures.sources import SceneSource, Touch, decimals_of, moment, witness_at
 
 SCENE = 'first_contact'
 _READERS = 'handles=2,benches=2,velocities=1'
@@ -49,7 +43,19 @@ def _later() -> Iterator[None]:
             _end()
 
 
-def run(arguments: Namespace) -> int:
+def main(argv: list[str]) -> int:
+    """Run the demonstration; return the exit code."""
+    options = command_line.parser('demo', 'Run sim, monitor and recorder over DDS on this host until the first '
+                                  'contact; replay the bag, check it against the model, and draw the contact.',
+                                  'demo --pace 4')
+    options.add_argument('--output', type=Path, default=Path('dragon_demo'), metavar='FOLDER',
+                         help='folder for the bag and the picture; replaces an earlier demo (%(default)s)')
+    options.add_argument('--pace', type=float, default=2.0, help='simulated seconds per real second (%(default)g)')
+    arguments = options.parse_args(argv)
+    return command_line.guarded('demo', partial(_run, arguments))
+
+
+def _run(arguments: Namespace) -> int:
     """Run the demonstration; return the exit code. A signal ends the demonstration and all its processes."""
     missing = [name for name in ('resource', 'termios', 'rclpy') if find_spec(name) is None]
     if missing:
@@ -69,6 +75,7 @@ def run(arguments: Namespace) -> int:
 @contextmanager
 def _alone(folder: Path) -> Iterator[None]:
     """Reserve the folder for this demonstration."""
+    from dragon_ros.cli.inputs import lock
     with (folder / 'lock').open('w') as file:
         try:
             lock(file)
@@ -106,7 +113,7 @@ def _demonstrate(folder: Path, pace: float) -> int:
     return _told(compared, live, again, pictures)
 
 
-def _compared(folder: Path, live: Path) -> tuple[dr.Comparison, list[Path]]:
+def _compared(folder: Path, live: Path) -> 'tuple[dr.Comparison, list[Path]]':
     """Compare the bag with the model, and draw the contact in the bag."""
     with dr.read_bag(live) as bag:
         comparison, value = bag.check(), _event(bag).values
@@ -115,7 +122,7 @@ def _compared(folder: Path, live: Path) -> tuple[dr.Comparison, list[Path]]:
     return comparison, _drawn(dr.scene(SCENE), float(value['t_contact_s']), pair, point, step_s, folder)
 
 
-def _told(comparison: dr.Comparison, live: Path, again: Path, pictures: list[Path]) -> int:
+def _told(comparison: 'dr.Comparison', live: Path, again: Path, pictures: list[Path]) -> int:
     """Compare the live bag with the replayed bag, and print all results."""
     with dr.read_bag(live) as bag, dr.read_bag(again) as replayed:
         event, second = _event(bag), _event(replayed)
@@ -130,9 +137,12 @@ def _told(comparison: dr.Comparison, live: Path, again: Path, pictures: list[Pat
     return command_line.OK if same and second == event and not comparison.faults else command_line.FAILED
 
 
-def _drawn(scene: dr.Scene, t_s: float, pair: tuple[int, int], point_m: tuple[float, float],
+def _drawn(scene: 'dr.Scene', t_s: float, pair: tuple[int, int], point_m: tuple[float, float],
            step_s: float, folder: Path) -> list[Path]:
     """Draw the contact that the monitor reported."""
+    from dragon_ros.cli.figures import save, style
+    from dragon_ros.pictures.dragon import contact_picture
+    from dragon_ros.pictures.sources import SceneSource, Touch, decimals_of, moment, witness_at
     source = SceneSource(SCENE, scene)
     with style():
         seen = witness_at(moment(source, t_s), pair)
@@ -170,6 +180,7 @@ class _Processes:
     """Starts processes ``python -m dragon_ros NAME ...``, whose output goes to a log file."""
 
     def __init__(self, log: IO[str]) -> None:
+        from dragon_ros.cli.dds_domain import free_domain, local_environment
         self.log, self.environment = log, local_environment(free_domain())
         self.environment['PYTHONUNBUFFERED'] = '1'
         self.all: list[subprocess.Popen[str]] = []
@@ -215,6 +226,7 @@ def _interrupt_if_it_fails(reader: 'subprocess.Popen[str]', sim: 'subprocess.Pop
 
 def _progress_of(sim: 'subprocess.Popen[str]') -> Iterator[float]:
     """Read the simulator's log, show the progress, and yield the time that each line reports."""
+    from tqdm import tqdm
     run = dr.scene(SCENE).run
     stop_s = run.stop_s or run.start_s
     assert sim.stdout is not None
@@ -240,7 +252,7 @@ def _finished(process: 'subprocess.Popen[str]') -> None:
         raise dr.DragonError(f'{name} ended with exit code {code}; see the .log files beside the bag')
 
 
-def _by_topic(bag: dr.Bag) -> dict[str, list[tuple[int, bytes]]]:
+def _by_topic(bag: 'dr.Bag') -> dict[str, list[tuple[int, bytes]]]:
     """Return the stamped messages of each topic, in order; the order of messages of different topics is undefined."""
     out: dict[str, list[tuple[int, bytes]]] = {}
     for message in bag.reader.messages([f'/dragon/{name}' for name in _COMPARED]):
@@ -248,7 +260,7 @@ def _by_topic(bag: dr.Bag) -> dict[str, list[tuple[int, bytes]]]:
     return out
 
 
-def _event(bag: dr.Bag) -> Any:
+def _event(bag: 'dr.Bag') -> Any:
     """Return the only contact in a bag. Raises DragonError if there are no contacts or several."""
     events = bag.contact_events()
     if len(events) != 1:

@@ -3,14 +3,13 @@ import json
 from argparse import Namespace
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import dragon_ros as dr
 from dragon_ros.cli import command_line
-from dragon_ros.cli.inputs import counted, scene_values
-from dragon_ros.cli.pool import workers_of
+from dragon_ros.cli.inputs import counted
 from dragon_ros.cli.progress import Progress
 
 _SHOWN = 20     # largest number of faults shown
@@ -20,13 +19,32 @@ _TAKES: dict[str, set[str]] = {'--repair': set(), '--check': {'--check', '--trus
                                'a summary': {'--trust', '--looks', '--namespace'}}
 
 
-def run(arguments: Namespace) -> int:
+def main(argv: list[str]) -> int:
+    """Inspect, check or repair a bag; return the exit code (1 if the bag has faults)."""
+    options = command_line.parser('inspect', 'Summarise a bag: topics, rates, missing ticks, scene, first contact, '
+                                  'clearance, integrity.', 'inspect run.mcap --check')
+    command_line.add_bag(options, 'an .mcap file or a rosbag2 folder', required=True)
+    options.add_argument('--check', action='store_true', help='recompute every tick from the scene in the bag, and '
+                         'compare it bit for bit or, if bits differ, within the promise')
+    options.add_argument('--trust', action='store_true', help='recompute the scene in the bag even if it '
+                         'exceeds the budgets (docs/limits.md)')
+    options.add_argument('--repair', type=Path, metavar='OUT', help='write all readable messages to a complete bag')
+    options.add_argument('--looks', type=int, metavar='N', help='number of evenly spaced ticks at which the clearance '
+                         'is computed; 0 means all ticks (200)')
+    command_line.add_namespace_option(options)
+    command_line.add_workers_option(options, 'result', ' of --check')
+    command_line.add_output_options(options, ('text', 'json'))
+    arguments = options.parse_args(argv)
+    return command_line.guarded('inspect', partial(_run, arguments))
+
+
+def _run(arguments: Namespace) -> int:
     """Inspect, check or repair a bag; return the exit code."""
     what = '--repair' if arguments.repair is not None else '--check' if arguments.check else 'a summary'
     given = {'--check': arguments.check, '--trust': arguments.trust, '--looks': arguments.looks is not None,
              '--namespace': arguments.namespace is not None, '--workers': arguments.workers is not None}
     command_line.check_taken(what, given, _TAKES[what])
-    workers_of(arguments.workers)       # checks the option before the bag is read
+    command_line.check_workers(arguments)
     if arguments.looks is None:
         arguments.looks = _LOOKS
     if arguments.looks < 0:
@@ -39,6 +57,7 @@ def run(arguments: Namespace) -> int:
 
 
 def _inspect(arguments: Namespace) -> tuple[dict[str, Any], int]:
+    from dataclasses import asdict
     with ExitStack() as stack:
         bars = {'bytes': _progress('read', arguments.bag), 'states': Progress('contact', 'states'),
                 'ticks': Progress('clearance', 'ticks', arguments.looks or None)}
@@ -54,7 +73,7 @@ def _inspect(arguments: Namespace) -> tuple[dict[str, Any], int]:
         'bag': str(arguments.bag), 'files': [path.name for path in contents.files], 'bytes': contents.size,
         'written_by': contents.writers, 'chunks': contents.compressions, 'problems': contents.problems.lines,
         'problem_count': contents.problems.count, 'notes': contents.notes.lines, 'about': found.about,
-        'scene': scene_values(found.scene) if found.scene else None}
+        'scene': dr.scene_values(found.scene) if found.scene else None}
     values |= {key: value for key, value in (
         ('start_s', found.start_s), ('end_s', found.end_s), ('namespace', found.namespace), ('first_contact', contact),
         ('clearance', found.clearance and asdict(found.clearance)), ('unread', found.unread)) if value is not None}
@@ -70,7 +89,7 @@ def _progress(what: str, path: Path) -> Progress:
     return Progress(what, 'B', sum(one.stat().st_size for one in files if one.exists()), unit_scale=True)
 
 
-def _topic(found: dr.BagSummary, name: str) -> dict[str, Any]:
+def _topic(found: 'dr.BagSummary', name: str) -> dict[str, Any]:
     seen, gaps = found.contents.topics[name], found.gaps(name)
     return {'topic': name, 'type': seen.type, 'messages': seen.messages, 'bytes': seen.size, 'rate_hz': gaps.rate_hz,
             'first_tick': gaps.first, 'last_tick': gaps.last, 'missing': gaps.missing, 'doubled': gaps.doubled,
@@ -86,7 +105,7 @@ def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
     return _verdict(arguments.bag, found, tier), command_line.OK if found.passed else command_line.FAILED
 
 
-def _verdict(path: Path, found: dr.Comparison, tier: str | None) -> dict[str, Any]:
+def _verdict(path: Path, found: 'dr.Comparison', tier: str | None) -> dict[str, Any]:
     return {'bag': str(path), 'equal': found.equal, 'close': found.close, 'worst_m': found.worst_m, 'tier': tier,
             'other_version': found.other_version, 'other_kernel': found.other_kernel, 'fault_count': found.fault_count,
             'missing_count': found.missing_count, 'faults': found.faults, 'once': found.once, 'notes': found.notes,

@@ -1,17 +1,37 @@
 """``simulate``: write the bag of a scene, without ROS and as fast as the machine allows."""
 import time
 from argparse import Namespace
-from dataclasses import replace
+from functools import partial
+from pathlib import Path
 
 import dragon_ros as dr
 from dragon_ros.cli import command_line
-from dragon_ros.cli.inputs import counted
+from dragon_ros.cli.inputs import COMPRESSIONS, counted
 from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.signals import stopped_by_signals
 
 
-def run(arguments: Namespace) -> int:
+def main(argv: list[str]) -> int:
+    """Write a bag; return the exit code, which is 1 if a signal ended the command early. The bag is always complete."""
+    options = command_line.parser('simulate', 'Write the same bag as `sim` and `record`, bit for bit, without ROS and '
+                                  'as fast as possible.',
+                                  'simulate --scene winding --output run.mcap')
+    command_line.add_scene_options(options)
+    options.add_argument('--output', type=Path, metavar='BAG', required=True,
+                         help='bag to write: a file if its name ends in .mcap, otherwise a rosbag2 folder')
+    options.add_argument('--force', action='store_true', help='replace an existing bag')
+    options.add_argument('--rate', type=float, metavar='HZ', help='ticks per second (as in the scene)')
+    options.add_argument('--compression', choices=COMPRESSIONS, default='zstd', help='compression of the bag '
+                                                                                     '(%(default)s)')
+    options.add_argument('--namespace', default='/dragon', help='namespace of the topics (%(default)s)')
+    command_line.add_workers_option(options, 'bag')
+    arguments = options.parse_args(argv)
+    return command_line.guarded('simulate', partial(_run, arguments))
+
+
+def _run(arguments: Namespace) -> int:
     """Write the bag; return the exit code."""
+    from dataclasses import replace
     scene, began = command_line.scene_from(arguments), time.perf_counter()
     if arguments.rate is not None:
         scene = replace(scene, run=replace(scene.run, rate_hz=arguments.rate))

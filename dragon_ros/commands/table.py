@@ -2,15 +2,20 @@
 import json
 from argparse import Namespace
 from collections.abc import Callable, Iterator
-
-import numpy as np
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import dragon_ros as dr
 from dragon_ros.cli import command_line
-from dragon_ros.cli.inputs import COLUMNS, Floats
+from dragon_ros.cli.inputs import COLUMNS
+from dragon_ros.cli.language import add_lang_option
 from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.ranges import handles_of, times_of
 from dragon_ros.guests import installed
+
+if TYPE_CHECKING:
+    from dragon_ros.cli.inputs import Floats
 
 Row = tuple[float, int, float, float, float, float, float]
 _SCENE = {'--scene', '--set', '--accuracy'}
@@ -29,7 +34,29 @@ def _check(arguments: Namespace) -> None:
     command_line.check_taken(what, given, _TAKES[what] | {what})
 
 
-def run(arguments: Namespace) -> int:
+def main(argv: list[str]) -> int:
+    """Print a table; return the exit code."""
+    options = command_line.parser('table', 'Print positions and velocities of handles (handle 0 is the head, and '
+                                  'the last handle is the tail).',
+                                  'table --times 0,60,300 --handles 0,1,51,223')
+    command_line.add_bag(options, 'bag to read instead of a scene; the first tick at or after each time is used')
+    command_line.add_scene_options(options)
+    command_line.add_namespace_option(options)
+    command_line.add_times_option(options, 'times in seconds (0, or the start of the bag)')
+    command_line.add_handles_option(options)
+    options.set_defaults(paper=False, contest=None, lang=None)
+    guests = installed()
+    if 'table --paper' in guests:
+        options.add_argument('--paper', action='store_true', help=guests['table --paper'].help)
+    if 'table --contest' in guests:
+        options.add_argument('--contest', type=Path, metavar='FOLDER', help=guests['table --contest'].help)
+        add_lang_option(options, '--paper and --contest')
+    command_line.add_output_options(options, ('text', 'csv', 'json', 'xlsx'))
+    arguments = options.parse_args(argv)
+    return command_line.guarded('table', partial(_run, arguments))
+
+
+def _run(arguments: Namespace) -> int:
     """Print the requested tables; return the exit code."""
     _check(arguments)
     if arguments.paper or arguments.contest:
@@ -55,7 +82,7 @@ def _scene_rows(arguments: Namespace) -> list[Row]:
     return rows
 
 
-def _check_not_before_start(scene: dr.Scene, times_s: list[float]) -> None:
+def _check_not_before_start(scene: 'dr.Scene', times_s: list[float]) -> None:
     if min(times_s) < 0:
         turn = f'; the head enters the turn at {scene.track.before_m / scene.head.speed_m_s:g} s' if (
             isinstance(scene.track, dr.STurn) and hasattr(scene.head, 'speed_m_s')) else ''
@@ -63,8 +90,9 @@ def _check_not_before_start(scene: dr.Scene, times_s: list[float]) -> None:
                             field='times')
 
 
-def _rows(times_s: list[float], handles: list[int], handles_m: Floats, velocity_m_s: Floats) -> Iterator[Row]:
+def _rows(times_s: list[float], handles: list[int], handles_m: 'Floats', velocity_m_s: 'Floats') -> Iterator[Row]:
     """Yield the row of each time and handle; the arrays have the shape (times, N+1, 2)."""
+    import numpy as np
     velocity = velocity_m_s[:, handles]
     speed = np.hypot(velocity[..., :1], velocity[..., 1:])
     values = np.concatenate((handles_m[:, handles], velocity, speed), axis=-1).tolist()
@@ -75,6 +103,7 @@ def _rows(times_s: list[float], handles: list[int], handles_m: Floats, velocity_
 
 def _bag_rows(arguments: Namespace) -> list[Row]:
     """Return the rows of a bag in the same form as the rows of a scene; missing velocities are nan."""
+    import numpy as np
     out: list[Row] = []
     command_line.check_is_bag(arguments.bag)
     with dr.read_bag(arguments.bag, arguments.namespace) as bag:

@@ -13,7 +13,6 @@ from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import Frame, frame_of
 
-COLUMNS = ('t_s', 'handle', 'x_m', 'y_m', 'vx_m_s', 'vy_m_s', 'speed_m_s')     # of a table of handles at many times
 _BATCH_HANDLES = 2**18      # handles per batch (8 MB with velocities); the cost of the calls dominates smaller batches
 _TICK_HANDLES = 2**12       # handles per group of consecutive ticks, few enough for their frames to stay in the cache
 

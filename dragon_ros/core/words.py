@@ -1,6 +1,7 @@
 """Phrases that messages in all rooms share."""
 
 _PLURALS = {'is': 'are', 'was': 'were', 'has': 'have', 'overlaps': 'overlap', 'matches': 'match'}
+COLUMNS = ('t_s', 'handle', 'x_m', 'y_m', 'vx_m_s', 'vy_m_s', 'speed_m_s')     # of a table of handles at many times
 
 
 def counted(count: int, noun: str, verb: str = '', *, form: str = 'd') -> str:

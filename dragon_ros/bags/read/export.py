@@ -15,11 +15,11 @@ from dragon_ros.bags.read.frames import BagFrame, frames
 from dragon_ros.bags.read.parts import in_parts
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.whole_file import whole_or_none
-from dragon_ros.core.batches import COLUMNS
 from dragon_ros.core.errors import InputError, MissingError
 from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.core.scene import NS
+from dragon_ros.core.words import COLUMNS
 
 R = TypeVar('R')
 _TICKS = 64         # number of ticks per Parquet row group
