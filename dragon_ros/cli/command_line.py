@@ -274,9 +274,13 @@ def check_taken(what: str, given: dict[str, bool], takes: set[str]) -> None:
 
 
 def scene_from(arguments: argparse.Namespace) -> 'Scene':
-    """Return the scene that the options describe."""
+    """Return the scene that the options describe; what is left out of its venue's file is said on standard error."""
     from dragon_ros.scenes.load import load_scene
-    return load_scene(arguments.scene, overrides_from(arguments))
+    notes = list[str]()
+    scene = load_scene(arguments.scene, overrides_from(arguments), notes)
+    for text in notes:
+        note(text)
+    return scene
 
 
 def overrides_from(arguments: argparse.Namespace) -> list[str]:

@@ -51,12 +51,16 @@ _CORNERS = re.compile(r"^[ -]*(?:points_m|inside)?:? *'?[-+.e0-9, ]+'?\n", re.MU
 ABOUT = 'about'     # notes on a scene, which have no effect
 
 
-def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
+def load_scene(name_or_file: str, overrides: Iterable[str] = (), notes: list[str] | None = None) -> Scene:
     """Return the scene with the given name or file, after applying ``key=value`` overrides with dotted keys.
 
-    Omitted keys default to the classic values. Raises an InputError that names the file, line and key.
+    Omitted keys default to the classic values. ``notes`` receives what was left out of the venue's file. Raises an
+    InputError that names the file, line and key.
     """
-    return _scene_with_plugin(_overridden(name_or_file, overrides))
+    document = _overridden(name_or_file, overrides)
+    if notes is not None:
+        notes += document.notes
+    return _scene_with_plugin(document)
 
 
 def load_drawn_scene(name_or_file: str, overrides: Iterable[str], origin: Origin | None, track: Mapping[str, Any],
@@ -170,7 +174,9 @@ def _take_file(document: Document, folder: Path) -> None:
         if own is not None:
             document.refuse('venue.file', f'{name} lies on a map, and the scene does not say where its track is; give '
                                           f'the place of (0, 0), for example the middle of the file: {_yaml(own)}')
-    drawn = venue_of(drawing, origin).values
+    found = venue_of(drawing, origin)
+    drawn = found.values
+    document.notes.extend(found.notes)
     for key in drawn.keys() & section.keys():
         if drawn[key]:
             document.refuse(f'venue.{key}', f'{name} defines it too; remove one of them')

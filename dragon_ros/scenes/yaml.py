@@ -19,11 +19,12 @@ _EXPONENT = pattern(r'[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+')
 
 @dataclass
 class Document:
-    """The mapping in a file, and the position of each dotted key (``file:line``)."""
+    """The mapping in a file, the position of each dotted key (``file:line``), and notes for the user."""
 
     name: str
     values: dict[str, Any]
     places: dict[str, str] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
 
     def refuse(self, key: str, why: str) -> NoReturn:
         """Raise an InputError that names the position of ``key``."""

@@ -84,6 +84,19 @@ def test_a_dragon_that_stands_still_has_a_plan_of_its_benches():
     assert json.loads(geojson(plan))['features'][0]['geometry']['coordinates']
 
 
+def test_what_a_venue_file_holds_besides_obstacles_is_said_in_a_line(capsys, tmp_path):
+    (tmp_path / 'town.geojson').write_text(json.dumps({'type': 'FeatureCollection', 'units': 'm', 'features': [
+        {'type': 'Feature', 'properties': {'building': 'yes'}, 'geometry': {
+            'type': 'Polygon', 'coordinates': [[[5, 5], [8, 5], [8, 8], [5, 5]]]}},
+        {'type': 'Feature', 'properties': {'highway': 'footway'}, 'geometry': {
+            'type': 'LineString', 'coordinates': [[0, 0], [9, 0]]}}]}))
+    scene = tmp_path / 'a.yaml'
+    scene.write_text('dragon: {benches: 3}\ntrack: {kind: joined, start_m: 5, pieces: [{kind: line, length_m: 9}]}\n'
+                     'venue: {file: town.geojson}\n')
+    code, _, err = run(capsys, scene, '--output', tmp_path / 'a.geojson')
+    assert (code, err) == (0, 'town.geojson: not obstacles: 1 highway\n')
+
+
 def test_dollars_in_a_title_or_a_name_are_no_formula(capsys, tmp_path):
     """Matplotlib parses text between two dollar signs, and raises an error for this text."""
     scene = tmp_path / '$x^{$.yaml'
