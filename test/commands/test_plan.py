@@ -2,6 +2,7 @@
 import json
 import re
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -246,6 +247,30 @@ def test_options_are_checked(capsys, tmp_path, monkeypatch, arguments, says):
     code, _, err = run(capsys, *arguments)
     assert code == 2
     assert says in err
+
+
+OSM_CORNERS = ((1.8e-5, 6e-4), (5e-5, 6e-4), (5e-5, 7e-4), (1.8e-5, 6e-4))
+
+
+def test_the_page_leads_from_a_gpx_file_to_a_printed_plan_in_25_lines(capsys, tmp_path, monkeypatch):
+    pytest.importorskip('pyproj')
+    page = (Path(__file__).parents[2] / 'docs' / 'venue.md').read_text()
+    part = page.split('## From a phone to a printed plan')[1].split('\n## ')[0]
+    assert len(part.strip().splitlines()) <= 25
+    command = re.search(r'`\./dragon (plan way\.gpx .+)`', part)[1]
+    monkeypatch.chdir(tmp_path)
+    Path('way.gpx').write_text('<gpx><trk><trkseg>' + ''.join(
+        f'<trkpt lat="30.25" lon="{120.15 + n * 1e-4:.4f}"/>' for n in range(16)) + '</trkseg></trk></gpx>')
+    Path('town.osm').write_text('<osm>' + ''.join(
+        f'<node id="{n}" lat="{30.25 + north}" lon="{120.15 + east}"/>' for n, (north, east) in enumerate(OSM_CORNERS))
+        + '<way id="9"><nd ref="0"/><nd ref="1"/><nd ref="2"/><nd ref="0"/><tag k="building" v="kiosk"/>'
+          '<tag k="name" v="kiosk"/></way></osm>')
+    code, out, err = run(capsys, *command.split()[1:], '--lang', 'en', '--set', 'run.rate_hz=1')
+    assert code == 0, err
+    assert re.search(r'^It fits; closest: kiosk, 1\.\d\d m, \d+ s after the start$', out, re.MULTILINE)
+    named = set(re.findall(r'^- `(way[\w.-]+)`', part, re.MULTILINE))
+    assert named == {one.name for one in tmp_path.iterdir()} - {'way.gpx', 'town.osm'}
+    assert Path('way.pdf').read_bytes().startswith(b'%PDF')
 
 
 def test_a_drawing_and_a_town_give_an_answer_a_plan_a_page_and_a_scene(capsys, tmp_path):
