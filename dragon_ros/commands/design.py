@@ -3,7 +3,6 @@ import json
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from functools import partial
-from math import isfinite
 from typing import Any, NamedTuple
 
 import dragon_ros as dr
@@ -61,7 +60,7 @@ def _turn_answer(arguments: Namespace) -> dict[str, Any]:
     found = dr.design.turn(scene)
     bent = found.with_line
     values = {**asdict(found), 'radii_m': list(found.radii_m), 'shortened_by_ratio': False,
-              'largest_ratio': found.largest_ratio if isfinite(found.largest_ratio) else None,
+              'largest_ratio': found.largest_ratio,
               'with_line': asdict(bent) | {'length_m': bent.length_m} if bent else None}
     if arguments.contact and found.smallest_diameter_m:
         values['contact_there_m'] = _contact_m(scene, found.smallest_diameter_m)
@@ -107,10 +106,8 @@ def _turn_text(values: dict[str, Any]) -> str:
     return '\n'.join(lines)
 
 
-def _ratio_line(least_m: float, largest: float | None) -> str:
+def _ratio_line(least_m: float, largest: float) -> str:
     """Return the limits of the ratio as text."""
-    if largest is None:
-        return 'the ratio is not limited: links of zero length cannot lock'
     return (f'limits of the ratio: both radii must be at least {least_m:.9g} m, 1.01 times half the longest link, so '
             f'that links cannot lock; this allows ratios from {1 / largest:.9g} to {largest:.9g}')
 

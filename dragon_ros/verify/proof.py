@@ -13,10 +13,12 @@ from dragon_ros.verify.posture import Dragon, Pose, Posture, gap, overlap
 from dragon_ros.verify.ranges import Range, ranges
 from dragon_ros.verify.reading import Claims, Contact, Pieces, Scene, Spiral, Venue
 from dragon_ros.verify.run import Leader, Run, run_of
+from dragon_ros.verify.segments import SpiralSegment
 from dragon_ros.verify.track import Track, track_of
 from dragon_ros.verify.venue import Edges, ObstacleCover, check_sides, ways_by_length
 
-_PROMISE_M, _PROMISED_M = 2e-12, 20.0   # position error of a solver up to this distance from the origin
+_PROMISE_M, _PER_METRE, _ALONG = 2e-12, 1e-13, 2.0**-49     # position error of a solver: at least, per metre from the
+                                                            # origin, and per metre along the track
 _SLACK_M, _PROMISES = 1e-9, 8           # slack in the leader's travel, or this many promises if that is more
 _WIDEST, _NEAR = 1000, 100              # largest slack if benches meet slowly, and distance of a grazing, in slacks
 _STEP = 1000                # step for the rate at which a gap closes, in slacks
@@ -63,7 +65,7 @@ class _Proof:
         self._met: list[Pose] = []
         start = complex(self._track.point(self._track.place_at(self._track.start)))
         self._repeated = repeated(scene.lengths_m)
-        self._promise_m = _promise_m(abs(start))
+        self._promise_m = _promise_m(self._track, abs(start))
 
     def sentence(self) -> str:
         """Return the sentence that is proved."""
@@ -83,7 +85,8 @@ class _Proof:
         start_s, t_s = self._scene.start_s, contact.t_s
         gone, run = exact(self._scene.law.gone_m(Fraction(t_s))), self._run_to(t_s)
         poses = self._poses(contact, gone)
-        self._promise_m = max(self._promise_m, *(_promise_m(abs(pose.near) + pose.shape.arm_m) for pose in poses))
+        self._promise_m = max(self._promise_m, *(
+            _promise_m(self._track, abs(pose.near) + pose.shape.arm_m) for pose in poses))
         slack_m = Fraction(_NEAR * self._slack_m if contact.grazing else self._slack_at_m(contact, gone))
         ways = [way for way in approaches(self._scene.law, start_s, t_s) if way.was_beyond_m <= slack_m]
         if not ways:
@@ -261,9 +264,16 @@ def _far(scene: Scene) -> float:
     return abs(track.start_m if isinstance(track, Pieces) else track.before_m) / max(scene.lengths_m)
 
 
-def _promise_m(away_m: float) -> float:
-    """Return the position error of a solver at a distance from the origin."""
-    return _PROMISE_M * max(1.0, away_m / _PROMISED_M)
+def _promise_m(track: Track, away_m: float) -> float:
+    """Return the position error of a solver at a distance from the origin; on spirals, it grows with their length."""
+    along = [abs(float(track.start))]
+    for segment in track.segments:
+        if isinstance(segment, SpiralSegment):
+            b, ends = float(segment.b), [float(u) for u in (segment.first, segment.last) if u is not None]
+            along += [0.5 * b * u * u for u in ends]
+            if segment.first is None or segment.last is None:
+                along.append((away_m + abs(complex(segment.centre)))**2 / (2 * b))
+    return max(_PROMISE_M, _PER_METRE * away_m, _ALONG * max(along))
 
 
 def _bend(track: Track, dragon: Dragon) -> float:

@@ -23,6 +23,7 @@ from dragon_ros.verify.track import Place, Track
 
 _SAMPLES = 4000         # number of positions of the head at which the search tests for a lock
 _HALVINGS = 80          # number of bisections for times and positions that are only printed or are proved later
+_BEFORE_LOCK_M = Fraction(1, 10**6)     # a run ends this far before a lock
 _SHARE = 10             # number of links that, placed in floats, count as one step of the budget
 
 
@@ -89,9 +90,9 @@ class Leader:
         return back, None if end is None else Limit(end - track.start, slack_m, 'the head leaves the track')
 
     def _lock(self, slack_m: float, furthest: arb | None) -> Limit:
-        """Return the first lock on a spiral that leads to its centre, or the centre if there is no lock.
+        """Return the end before the first lock on a spiral that leads to its centre, or the centre without a lock.
 
-        This proves that the chain does not exist one slack further in; its existence up to the lock is proved later.
+        This proves that no chain exists one slack beyond the lock; its existence up to the end is proved later.
         """
         track, segment = self._track, self._track.segments[0]
         assert isinstance(segment, SpiralSegment)
@@ -105,7 +106,8 @@ class Leader:
         if theta is None:
             return Limit(centre, slack_m, 'the head reaches the centre')
         gone = track.distance(Place(0, arb(theta))) - track.start
-        return Limit(gone, slack_m, f'the chain locks at link {self._locking(segment, gone + exact(slack_m))}')
+        link = self._locking(segment, gone + exact(slack_m))
+        return Limit(gone - exact(_BEFORE_LOCK_M), slack_m, f'the chain locks at link {link}')
 
     def _locking(self, segment: SpiralSegment, gone: arb) -> int:
         """Return the first link that provably cannot be placed when the leader has travelled ``gone``."""

@@ -29,7 +29,7 @@ SCENES = {
     'a tail led backwards': (Scene(head=Head(-1.0, 'tail'), dragon=Dragon(40), run=Run(0, 20)),
                              'end of the run at 0 s (the head is back at the end of the track)'),
     'a lock': (Scene(dragon=Dragon(12, width_m=0.01), run=Run(425.0)),
-               '432.917924228 s (the chain locks at link 0), less 1 nm of leader travel'),
+               '432.917923228 s (the chain locks at link 0), less 1 nm of leader travel'),
     'a lock that is reached from far out': (Scene(dragon=Dragon(2), track=Spiral(start_turns=759.0)),
                                             'the chain locks at link 0'),
     'a lock of the second link': (Scene(dragon=Dragon(2, 1.65, 2.2, 0.01), run=Run(420.0)), 'locks at link 1'),
@@ -102,7 +102,7 @@ SAID_OF_0_2_0 = {
     'contact_of_mixed_benches': 'from 395.6 s to the contact at 395.6223649811',
     'contact_on_a_turn': 'from 0.0 s to the contact at 18.8575054155',
     'end_of_the_track': 'end of the run at 17.5663706144 s (the head leaves the track)',
-    'lock': 'end of the run at 432.917924228 s (the chain locks at link 0)',
+    'lock': 'end of the run at 432.917923228 s (the chain locks at link 0)',
     'unwinding_tail': 'end of the run at 40 s (it stops)'}
 
 

@@ -12,8 +12,8 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from dragon_ros.core.chain.forward import Handles, blocks_of, forward, forward_many, in_order, row_by_row, together
+from dragon_ros.core.chain.kinematics import RigidLinks
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
-from dragon_ros.core.numerics.vectors import dot
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
@@ -197,15 +197,13 @@ class MarchedLinks:
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
         """Fill in velocities."""
-        some, order = chain.slice_of(self), slice(None, None, -chain.direction)
-        heading = chain.track.headings(*self.handles)
-        p = chain.p[..., some, :][..., order, :]
-        link = p[..., :-1, :] - p[..., 1:, :]
-        near, far = dot(link, heading[..., :-1, :]), dot(link, heading[..., 1:, :])
-        speeds = np.concatenate((np.ones((*near.shape[:-1], 1)), np.cumprod(near / far, axis=-1)), axis=-1)
-        speeds *= np.asarray(speed)[..., None]
-        out.reshape(chain.p.shape)[..., some, :] = (speeds[..., None] * heading)[..., order, :]
-        return speeds[..., -1] if chain.p.ndim > 2 else float(speeds[-1])
+        some, direction = chain.slice_of(self), chain.direction
+        heading = chain.track.headings(*self.handles)[..., ::-direction, :]
+        links = RigidLinks(chain.p[..., some, :], chain.links_m, heading, chain.leader)
+        speeds = links.speeds(-direction * speed)
+        out.reshape(chain.p.shape)[..., some, :] = speeds[..., None] * heading
+        last = speeds[..., -1 if direction == BEHIND else 0]
+        return last if chain.p.ndim > 2 else float(last)
 
 
 class MarchedLink(NamedTuple):

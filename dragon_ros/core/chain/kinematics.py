@@ -21,7 +21,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from dragon_ros.core.numerics.types import Array, Floats, Ints, read_only
+from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.numerics.vectors import dot, left
 from dragon_ros.core.tracks.composite import Track
 
@@ -44,30 +44,16 @@ class RigidLinks:
     leader: int
 
     @cached_property
-    def along_track(self) -> Array:
-        """Whether each link (..., N) is treated as lying along the track, so that both handles move identically.
-
-        This is exact for links of zero length. The direction of a link of length l has an error of ulp |p| / l, and
-        the error of e . T, which is an even function of that angle, is at least its square. If the link is treated as
-        lying along the track, the error is (kappa l)^2 instead. Up to l = sqrt(ulp) |p|, the rounding error is the
-        larger of the two.
-        """
-        size = np.max(np.abs(self.p), axis=(-2, -1), keepdims=True)[..., 0]
-        out: Array = self.links_m <= np.sqrt(_ULP) * size
-        return out
-
-    @cached_property
     def axis(self) -> Floats:
         """Unit vectors (..., N, 2) from handle i + 1 to handle i."""
         axis = self.p[..., :-1, :] - self.p[..., 1:, :]
-        length = np.where(self.along_track, np.inf, np.hypot(axis[..., 0], axis[..., 1]))
-        return np.where(self.along_track[..., None], self.forward[..., :-1, :], axis / length[..., None])
+        out: Floats = axis / np.hypot(axis[..., 0], axis[..., 1])[..., None]
+        return out
 
     @cached_property
     def cosines(self) -> tuple[Floats, Floats]:
         """Scalar products e . T at the front handle and at the rear handle of each link, each of shape (..., N)."""
-        front, rear = dot(self.axis, self.forward[..., :-1, :]), dot(self.axis, self.forward[..., 1:, :])
-        return np.where(self.along_track, 1.0, front), np.where(self.along_track, 1.0, rear)
+        return dot(self.axis, self.forward[..., :-1, :]), dot(self.axis, self.forward[..., 1:, :])
 
     def speeds(self, leader_m_s: float | Floats) -> Floats:
         """Return the handles' signed speeds (m/s, shape (..., N+1)), positive in the head's direction."""
@@ -98,8 +84,7 @@ class RigidLinks:
         v = speeds[..., None] * self.forward
         spread = v[..., :-1, :] - v[..., 1:, :]
         pull = (bend[..., :-1] * dot(self.axis, side[..., :-1, :]) - bend[..., 1:] * dot(self.axis, side[..., 1:, :])
-                + dot(spread, spread) / np.where(self.along_track, np.inf, self.links_m))
-        pull = np.where(self.along_track, 0.0, pull)
+                + dot(spread, spread) / self.links_m)
         leading = self._forward(leader_m_s2)
         if self.leader == 0:
             tangential = carried(leading, front / rear, pull / rear)

@@ -46,7 +46,6 @@ _MOST_LAYOUTS = 512         # maximum number of sections of track whose spans ar
 _FEWEST_LINKS = 512
 # The minimum length of a tile on a composite track, in links; a longer tile is at least half as long as its blocks.
 _FEWEST_JOINED = 64
-_SHORTEST = 1e-12           # shortest link, relative to coordinates, whose direction floats can resolve
 _NEAR = 1e-9                # relative distance from a boundary within which rounding could decide a position's side
 _BEFORE_LINKS = 64          # number of links from the start of a tile to the track's origin, where runs begin
 
@@ -405,8 +404,6 @@ class ShiftMap:
         """Return the indices and the locations of many positions, by tile, or None if any is not in a table."""
         segment, u = places
         numbers = self._numbers(places)
-        if numbers is None:
-            return None
         sections = sorted(set(numbers.tolist()))       # np.unique would import masked arrays
         each = [(np.flatnonzero(numbers == one) if len(sections) > 1 else np.arange(segment.size), one)
                 for one in sections]
@@ -431,11 +428,9 @@ class ShiftMap:
         group = groups.of_many((places[0][rows], places[1][rows]))
         return [(rows[group == one], one) for one in sorted(set(group.tolist()))]
 
-    def _numbers(self, places: Places) -> Ints | None:
-        """Return the indices of the sections of many positions, or None if floats cannot resolve links there."""
+    def _numbers(self, places: Places) -> Ints:
+        """Return the indices of the sections of many positions."""
         share = (self.track.distances(*places) + self._before_m) / self.section_m
-        if np.max(np.abs(share), initial=0.0) > 1 / _SHORTEST:
-            return None
         number: Ints = np.floor(share).astype(np.int64)
         for n in np.flatnonzero(np.abs(share - np.rint(share)) <= _NEAR * (1 + np.abs(share))).tolist():
             number[n] = self._number(Place.of(*(values[n] for values in places)))
@@ -478,11 +473,7 @@ class ShiftMap:
         return self._layouts.get(number, self._laid_out)
 
     def _laid_out(self, number: int) -> Layout | None:
-        track, (low_m, high_m) = self.track, self._section(number)
-        far_m = track.far_m(max(low_m, track.begin_m), min(high_m, track.end_m))
-        if self.link_m <= _SHORTEST * far_m:
-            return None
-        span = span_of(track, self.link_m, Stretch(low_m, high_m, self.links, self.direction))
+        span = span_of(self.track, self.link_m, Stretch(*self._section(number), self.links, self.direction))
         return Layout(span) if span else None
 
     def _tile(self, number: int, group: int) -> Tile | None:

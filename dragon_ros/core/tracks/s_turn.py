@@ -37,7 +37,7 @@ class TurnAnswer:
     """The length of an S-turn, and how arcs with a radius of at least ``least_radius_m`` can shorten it.
 
     The length does not depend on the ratio of the radii. ``smallest_diameter_m`` is the diameter of the turning
-    circle in which both arcs have the radius ``least_radius_m`` (0 if there is no lower limit), and
+    circle in which both arcs have the radius ``least_radius_m`` (0 if they are larger in any circle), and
     ``length_there_m`` is the length of the turn in that circle. ``with_line`` is a path in the original circle that
     consists of two tighter arcs and a line; it is None if no such path is shorter.
     """

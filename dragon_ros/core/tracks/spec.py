@@ -4,7 +4,7 @@
 sequences of lines, arcs and spirals.
 """
 from dataclasses import dataclass
-from math import atan, inf, pi, sin, sqrt
+from math import atan, pi, sin, sqrt
 
 from dragon_ros.core import domain
 from dragon_ros.core.checks import number, settle
@@ -118,7 +118,7 @@ class STurn:
 
     def largest_ratio(self, least_radius_m: float) -> float:
         """Return the largest ratio at which both radii are at least ``least_radius_m``; below 1, no ratio is valid."""
-        return sum(self.radii_m) / least_radius_m - 1 if least_radius_m else inf
+        return sum(self.radii_m) / least_radius_m - 1
 
     def check_arcs(self, least_radius_m: float) -> None:
         """Check that both radii are at least ``least_radius_m``. Raises FieldError for one of the fields otherwise."""

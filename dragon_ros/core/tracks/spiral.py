@@ -27,7 +27,7 @@ from dragon_ros.core.tracks.segments import NEW, Past, direction_at, reach_m
 from dragon_ros.core.tracks.spec import Spiral
 
 TINY = 1e-300           # added to a denominator so that 0 / 0 becomes 0
-_ROUNDING = 1e-15       # how far rounding may put a distance beyond the centre, relative to the length of the spiral
+_ROUNDING = 1e-9        # how far rounding may put a distance beyond the centre, relative to 1 m and the whole length
 _NEWTON_STEPS = 20
 TIGHT = 1e-8            # final Newton step, relative to the angle; half its square is below the resolution of floats
 _TAME_RAD = 1.5         # for smaller spans outwards, plain Newton iteration converges from any initial guess used here
@@ -65,7 +65,7 @@ class SpiralCurve:
         many = isinstance(distance_m, np.ndarray)
         root, asinh_of, every = (np.sqrt, np.arcsinh, np.all) if many else (sqrt, asinh, bool)
         furthest = float(np.max(distance_m, initial=-inf)) if many else distance_m
-        if furthest > self.length_m * (1 + _ROUNDING):
+        if furthest > self.length_m + _ROUNDING * (1 + self.length_m):
             raise TrackEndError(f'{furthest:.9g} m along the track is beyond the centre, where the track ends at '
                                 f'{self.length_m:.9g} m', distance_m=furthest, limit_m=self.length_m)
         arc, theta = distance_m / self.b_m, self.start
@@ -121,11 +121,9 @@ def first_guess(theta: Any, chord: Any, sense: float = 1.0) -> Any:
 
     ``sense`` is 1 outwards and -1 inwards.
     """
-    if isinstance(theta, np.ndarray):
-        rise = chord / (theta + 1) if sense > 0 else -np.minimum(theta, chord / theta)
-        return 2 * sense * np.arcsin(np.minimum(1.0, chord / (2 * theta + rise + TINY)))
-    rise = chord / (theta + 1) if sense > 0 else -min(theta, chord / theta)
-    return 2 * sense * asin(min(1.0, chord / (2 * theta + rise + TINY)))
+    arcsine, least = (asin, min) if type(theta) is float else (np.arcsin, np.minimum)
+    rise = chord / (theta + 1) if sense > 0 else -least(theta, chord / theta)
+    return 2 * sense * arcsine(least(1.0, chord / (2 * theta + rise + TINY)))
 
 
 def step(theta: float, chord: float, guess: float, furthest: float = _TAME_RAD) -> tuple[float, int]:

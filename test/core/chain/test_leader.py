@@ -5,7 +5,7 @@ from math import pi
 import numpy as np
 import pytest
 
-from dragon_ros.core.batches import velocity_of
+from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.chain import marched_many
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head, Profile
@@ -100,3 +100,15 @@ def test_led_by_the_tail_from_far_off_there_is_a_state_at_the_very_end(turns, st
     for scene in led:
         last = state(scene, compile_scene(scene).end.t_s)
         assert last.p[-1] == pytest.approx((0.0, 0.0), abs=2 * np.spacing(track_of(track).end_m))
+
+
+def test_a_run_that_ends_at_the_centre_after_a_long_way_back_has_a_state_there():
+    """The leader has been hundreds of metres outwards, so rounding may put it a little beyond the centre."""
+    law = Profile(((0.0, 60.866187230559206), (0.46675534418525183, -25.04047863223453),
+                   (40.81516372931116, 50.42904826676646), (41.295818934210615, 19.747686468304174)))
+    scene = Scene(Dragon(20, 0.12404412252022931, 0.11131352915802221, 0.01, 0.0),
+                  Spiral(0.9851373367647517, 3.0408447165076287), law, Run(0, 1e3))
+    end = compile_scene(scene).end
+    assert end.reason == 'track'
+    assert np.hypot(*state(scene, end.t_s).p[0]) < 1e-9
+    assert np.hypot(*states(scene, [0.0, end.t_s]).p[1, 0]) < 1e-9
