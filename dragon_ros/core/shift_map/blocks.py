@@ -34,8 +34,8 @@ class TabulatedLinks(NamedTuple):
     def fill(self, flat: Floats) -> None:
         """Write the coordinates into ``flat``."""
         at, basis = self.at, self.spot.basis
-        for times, terms, places, _, start, stop in self.products:
-            times(basis[:terms], places, flat[at + start:at + stop])
+        for terms, places, _, start, stop in self.products:
+            np.matmul(basis[:terms], places, flat[at + start:at + stop])
 
     def end(self, direction: int) -> Place:
         """Return the position of the last handle."""
@@ -54,8 +54,8 @@ class TabulatedLinks(NamedTuple):
     def _motions(self, flat: Floats) -> Floats:
         """Write the velocities for unit speed in row 0 into ``flat``, and return that part of ``flat``."""
         at, basis = self.at, self.spot.basis
-        for times, terms, _, motions, start, stop in self.products:
-            times(basis[:terms], motions, flat[at + start:at + stop])
+        for terms, _, motions, start, stop in self.products:
+            np.matmul(basis[:terms], motions, flat[at + start:at + stop])
         return flat[at:at + 2 * self.links + 2]
 
     def headings(self, chain: Chain, out: Floats) -> None:

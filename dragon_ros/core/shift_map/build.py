@@ -1,14 +1,13 @@
 """Build the tables of a tile: cut the span into parts, map them back row by row, and fit series to their images."""
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import chain, groupby, pairwise
 from math import ceil, floor, inf
 
 import numpy as np
-from numpy.polynomial import chebyshev
 
 from dragon_ros.core.chain.forward import FEWEST_ROWS, Block, by_segment, forward, forward_many, placed
 from dragon_ros.core.errors import ChainLockError, TrackEndError
-from dragon_ros.core.numerics.chebyshev import in_parts, inverse_series, powers_of, series_of, transform
+from dragon_ros.core.numerics.chebyshev import inverse_series, powers_of, series_of, transform
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.numerics.vectors import complex_of, dot
 from dragon_ros.core.tracks.composite import WIDEST_RAD, Place, Places, Track
@@ -28,11 +27,7 @@ _ROUNDS = 5                 # maximum number of times that parts are cut into th
 NOISE = 4                  # the largest effect of rounding on the last terms, in units of the error
 # The largest effect of rounding that is allowed where cutting a part does not reduce it; it is a sixth of the promise.
 _MOST_NOISE = 16
-_SPAN_NODES = 16            # number of terms for a whole span on a spiral; few suffice, because a spiral is smooth
-# The largest last term that is allowed in the series of a span, relative to half the length of the span; rounding over
-# hundreds of rows may account for a quarter of it.
-_SPAN_ENDS = 2.0**-46
-_HAIR = 1e-12               # positions closer than this, relative to the distance along the track, are treated as equal
+_SAME = 1e-12               # positions closer than this, relative to the distance along the track, are treated as equal
 _HALF_ULP = 2.0**-53        # rounding of coordinates, relative to a coordinate
 TRUNCATION = 1e-15      # error at which series are truncated, relative to the coordinates
 
@@ -121,7 +116,6 @@ class _Pushed:
     coordinates: Floats
     places: Floats
     motions: Floats
-    inverses: dict[tuple[int, int], Floats] = field(default_factory=dict)       # each (K, L), by the range of L rows
 
 
 @dataclass(frozen=True)
@@ -201,7 +195,7 @@ def _front(track: Track, link_m: float, stretch: Stretch) -> Place:
     high_m = stretch.high_m
     if stretch.direction == AHEAD:
         high_m += stretch.links * reach_m(track.bend, link_m)
-    front = track.place_at(min(track.end_m, high_m + _HAIR * (1 + abs(high_m))))
+    front = track.place_at(min(track.end_m, high_m + _SAME * (1 + abs(high_m))))
     if front.segment == 0 and track.from_afar:
         return Place(0, max(front.u, link_m / (WIDEST_RAD * track.from_afar.curve.b_m)))
     return front
@@ -214,15 +208,15 @@ def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[Span
     inside = [k for k, metres in enumerate(track.joints_m, 1) if low_m < metres < here_m]
     if sum(here_m - track.joints_m[k - 1] for k in inside) / link_m > _MOST_STEPS:
         return []
-    hair_m, ends = 3 * _HAIR * (1 + abs(here_m)), (*track.joints_m, track.end_m)
-    if any(ends[k] - ends[k - 1] <= hair_m for k in inside):    # the segment's two joints would coincide
+    same_m, ends = 3 * _SAME * (1 + abs(here_m)), (*track.joints_m, track.end_m)
+    if any(ends[k] - ends[k - 1] <= same_m for k in inside):    # the segment's two joints would coincide
         return []
     joints = [Place(k, track.segments[k].first) for k in inside]
     cuts = sorted((_pulled(track, link_m, place, back_m) for place in _nearly_pulled(track, link_m, joints, back_m)),
                   key=track.distance_of, reverse=True)
     places = [front]
     for cut in [*cuts, rear]:
-        if track.distance_of(places[-1]) - track.distance_of(cut) > hair_m:
+        if track.distance_of(places[-1]) - track.distance_of(cut) > same_m:
             places.append(cut)
     return [part_between(track, fore, rear) for fore, rear in pairwise(places)]
 
@@ -282,7 +276,8 @@ def _built(track: Track, link_m: float, first: list[tuple[SpanPart, _Pushed]], c
             return None
         with np.errstate(all='ignore'):     # a part as short as its rounding error has no scale and no inverse
             x, middle, scale = scaled(rows.coordinates)
-            inverse = _inverses(pushed, x, rows.leading)
+            some = x[:, :, rows.leading].transpose(1, 0, 2)
+            inverse = inverse_series(some.reshape(NODES, -1)).reshape(some.shape).transpose(1, 0, 2)
             left = _left(rows, x, inverse, link_m)
         by_rounding = left >= 0.5 * np.array([whole for _, _, whole in pieces])     # cutting would not reduce it
         if np.any(by_rounding & (left > _MOST_NOISE)):
@@ -295,17 +290,6 @@ def _built(track: Track, link_m: float, first: list[tuple[SpanPart, _Pushed]], c
             # Halves would need more rounds, which would take longer than the additional parts.
             pieces += [(part, one, whole)] if done else [(third, None, over) for third in equal_parts(part, 3)]
     return None
-
-
-def _inverses(pushed: list[_Pushed], x: Floats, rows: slice) -> Floats:
-    """Return the inverses (S, K, L) of scaled coordinates (S, K, R) in the given rows; parts cache their inverses."""
-    key = rows.start, rows.stop
-    new = [n for n, one in enumerate(pushed) if key not in one.inverses]
-    some = x[new, :, rows].transpose(1, 0, 2)
-    found = inverse_series(some.reshape(NODES, some.size // NODES)).reshape(some.shape)
-    for n, one in zip(new, found.transpose(1, 0, 2), strict=True):
-        pushed[n].inverses[key] = one
-    return np.stack([one.inverses[key] for one in pushed])
 
 
 def _series(track: Track, link_m: float, parts: list[SpanPart], count: int) -> list[_Pushed]:
@@ -406,34 +390,11 @@ def _along(segment: Segment, link_m: float, first: Places, count: int) -> Places
     number, begin = first
     numbers = np.broadcast_to(number, (count, number.size))
     if isinstance(segment, SpiralSegment):
-        chords = np.full((count, 1), link_m / segment.curve.b_m)
-        rows = _by_series(segment, begin, chords) if number.size > NODES else None
-        if rows is None and (found := placed(segment, begin, chords)):
-            rows = found[0]
-        return (numbers, rows[1:]) if rows is not None else None
+        found = placed(segment, begin, np.full((count, 1), link_m / segment.curve.b_m))
+        return (numbers, found[0][1:]) if found else None
     step, _ = segment.shifts(begin[:1], link_m, BEHIND)        # on a line or an arc, all shifts are equal
     u = begin + np.arange(1.0, count + 1)[:, None] * step[0]
     return (numbers, u) if np.min(u) >= segment.first else None
-
-
-def _by_series(spiral: SpiralSegment, begin: Floats, chords: Floats) -> Floats | None:
-    """Place the nodes of several parts using the series of a whole span; a spiral is smooth across all cuts.
-
-    Equations are solved only for the nodes of the whole span. The result is None if the series do not converge.
-    """
-    nodes = transform(_SPAN_NODES)[0]
-    low, length = float(np.min(begin)), float(np.ptp(begin))
-    found = placed(spiral, low + 0.5 * (1 + nodes) * length, chords) if length else None
-    if found is None:
-        return None
-    u = found[0]
-    centre = u[:, [_SPAN_NODES // 2]]
-    series = series_of((u - centre).T)
-    if np.any(np.abs(series[-2:]) > _SPAN_ENDS * np.abs(series[1]) + _HALF_ULP * np.max(u)):
-        return None
-    at = 2 * ((begin - low) / length) - 1
-    out: Floats = centre + in_parts(np.asarray(chebyshev.chebvander(at, _SPAN_NODES - 1)), series).T
-    return out
 
 
 def on_one_segment(track: Track, places: Places) -> Places:

@@ -14,10 +14,9 @@ class BuildCache(Generic[_Key, _Value]):
     Threads that need a value wait while another thread builds one, so that nothing is built twice.
     """
 
-    def __init__(self, are_too_many: Callable[[list[_Value]], bool],
-                 dropped: Callable[[_Value], object] = lambda _: None) -> None:
-        """Store the functions that decide whether there are too many values, and that are told of a dropped one."""
-        self._are_too_many, self._dropped = are_too_many, dropped
+    def __init__(self, are_too_many: Callable[[list[_Value]], bool]) -> None:
+        """Store the function that decides whether there are too many values."""
+        self._are_too_many = are_too_many
         self._values: OrderedDict[_Key, _Value] = OrderedDict()
         self._building = Lock()
 
@@ -37,7 +36,7 @@ class BuildCache(Generic[_Key, _Value]):
                 return self._values[key]
             value = self._values[key] = build(key)
             while len(self._values) > 1 and self._are_too_many(self.values):
-                self._dropped(self._values.popitem(last=False)[1])
+                self._values.popitem(last=False)
             return value
 
     @property

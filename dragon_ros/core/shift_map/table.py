@@ -14,11 +14,9 @@ are aligned to the track and built on first use. Each tile depends only on the t
 across runs and processes, regardless of the order in which tiles are built.
 """
 from bisect import bisect_right
-from collections import deque
-from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum, auto
-from functools import cached_property, partial
+from functools import cached_property
 from math import acos, floor, inf
 from typing import NamedTuple
 
@@ -34,10 +32,8 @@ from dragon_ros.core.tracks.segments import BEHIND
 # The maximum number of multiplications per product: BLAS splits larger products among threads, which could change the
 # last bits.
 TERMS = 9000
-_BOUNDARIES = 1024          # number of stretch boundaries whose positions are cached
-# The maximum number of cells that a shift map caches for single states, at most 144 kB each; the oldest cells are
-# dropped first.
-_MOST_CELLS = 64
+_BOUNDARIES = 1024          # number of section boundaries whose positions are cached
+_CELL_BYTES = 2048          # approximate size of a cell that is used for single states
 _MOST_BYTES = 512_000_000   # memory limit for a shift map's tiles; the least recently used tiles are dropped first
 _MOST_TILES = 4096          # maximum number of tiles of a shift map, including tiles without a table
 _MOST_LAYOUTS = 512         # maximum number of sections of track whose spans are cached
@@ -51,9 +47,8 @@ _BEFORE_LINKS = 64          # number of links from the start of a tile to the tr
 
 
 class Product(NamedTuple):
-    """One product that fills in handles: its function, number of terms, series of positions and motions, and range."""
+    """One product that fills in handles: its number of terms, series of positions and motions, and range."""
 
-    times: Callable[[Floats, Floats, Floats], Floats]
     terms: int
     places: Floats
     motions: Floats
@@ -91,7 +86,7 @@ class Spots(NamedTuple):
 
 
 class Elsewhere(Enum):
-    """A sentinel for a position that is not on a stretch."""
+    """A sentinel for a position that is not on a section."""
 
     ELSEWHERE = auto()
 
@@ -103,7 +98,7 @@ class _SegmentCells(NamedTuple):
     """The cells on one segment, in order of ``sense`` times the coordinate, which increases towards the rear."""
 
     sense: float
-    front: float        # the foremost position on the stretch
+    front: float        # the foremost position on the section
     rear: float
     begins: list[float]
     cells: list[int]
@@ -161,14 +156,13 @@ class Tile:
     table: Table
     layout: Layout
     group: int
-    fore: Place
-    rear: Place
-    kept: deque[tuple['Tile', int]]         # all cells that the shift map caches for single states
+    fore: Place | None      # None at an end of the track
+    rear: Place | None
 
     @property
     def memory_bytes(self) -> int:
-        """The size of all arrays in bytes."""
-        return self.table.memory_bytes
+        """The size of the table and of the cells used so far, in bytes."""
+        return self.table.memory_bytes + _CELL_BYTES * len(self._cells)
 
     @cached_property
     def rows(self) -> int:
@@ -188,12 +182,13 @@ class Tile:
         fore = middle[:, 0] - 1 / middle[:, 1]
         for k in range(len(self.track.segments)):
             cells = np.flatnonzero(segment == k)
-            if not (cells.size and self.rear.segment <= k <= self.fore.segment):     # rows extend beyond the section
+            ahead, behind = self.fore and k > self.fore.segment, self.rear and k < self.rear.segment
+            if not cells.size or ahead or behind:       # rows extend beyond the section
                 out.append(None)
                 continue
             sense = float(np.sign(middle[cells[0], 1]))
-            low = sense * self.fore.u if self.fore.segment == k else -inf
-            high = sense * self.rear.u if self.rear.segment == k else inf
+            low = sense * self.fore.u if self.fore and self.fore.segment == k else -inf
+            high = sense * self.rear.u if self.rear and self.rear.segment == k else inf
             out.append(_SegmentCells(sense, low, high, (sense * fore[cells]).tolist(), cells.tolist()))
         return out
 
@@ -207,11 +202,6 @@ class Tile:
         middle, scale = table.middle[table.first + row, part].tolist()
         cell = Cell(table.first + row, part, 1 + table.slack.item(row, part), middle, scale,
                     table.inverse[row, part].tolist(), {})
-        kept = self.kept
-        if len(kept) >= _MOST_CELLS:
-            tile, oldest = kept.popleft()
-            tile._cells.pop(oldest, None)
-        kept.append((self, number))
         self._cells[number] = cell
         return cell
 
@@ -279,19 +269,14 @@ class Tile:
         return self.table.segment[row, spots.part], middle[:, 0] + x / middle[:, 1]
 
     def products(self, cell: Cell, links: int, direction: int) -> list[Product]:
-        """Return the products for ``links`` links beyond a cell, from head to tail.
-
-        A single product uses ``dot`` on a contiguous copy of its series, which is fastest; several products use views.
-        """
+        """Return the products for ``links`` links beyond a cell, head to tail, each small enough for one thread."""
         table, size = self.table, 2 * links + 2
         first = cell.row if direction == BEHIND else cell.row - links
         terms = int(table.terms[cell.part, first])
         places, motions = (series[cell.part, :terms, 2 * first:2 * first + size]
                            for series in (table.places, table.motions))
-        if terms * size <= TERMS:
-            return [Product(np.dot, terms, np.ascontiguousarray(places), np.ascontiguousarray(motions), 0, size)]
         width = TERMS // terms // 2 * 2
-        return [Product(np.matmul, terms, places[:, low:stop], motions[:, low:stop], low, stop)
+        return [Product(terms, places[:, low:stop], motions[:, low:stop], low, stop)
                 for low in range(0, size, width) for stop in [min(low + width, size)]]
 
     def fill_many(self, spots: Spots, first: Ints, out: Floats, motions: bool = False) -> None:
@@ -342,13 +327,6 @@ def _are_too_many(tiles: list[Tile | None]) -> bool:
     return len(tiles) > _MOST_TILES or _memory_bytes(tiles) > _MOST_BYTES
 
 
-def _forget(kept: deque[tuple[Tile, int]], gone: Tile | None) -> None:
-    """Forget the cells of a tile that is dropped, because they would keep it in memory."""
-    stay = [one for one in kept if one[0] is not gone]
-    kept.clear()
-    kept.extend(stay)
-
-
 def links_of_tile(links: int, segments: int = 1) -> int:
     """Return a tile's length in links for blocks of up to ``links`` links on a track of ``segments`` segments."""
     whole: int = 1 << (links - 1).bit_length()
@@ -362,10 +340,8 @@ class ShiftMap:
         """Lay out the tiles without building any."""
         self.track, self.link_m, self.links, self.direction = track, link_m, links, direction
         self.section_m, self._before_m = links_of_tile(links, len(track.segments)) * link_m, _BEFORE_LINKS * link_m
-        self._kept: deque[tuple[Tile, int]] = deque()
         self._layouts = BuildCache[int, Layout | None](lambda layouts: len(layouts) > _MOST_LAYOUTS)    # by section
-        self._tiles = BuildCache[tuple[int, int], Tile | None](     # by section and group
-            _are_too_many, partial(_forget, self._kept))
+        self._tiles = BuildCache[tuple[int, int], Tile | None](_are_too_many)       # by section and group
         self._last: Tile | None = None
         self._edges: dict[int, Place | None] = {}
 
@@ -486,19 +462,4 @@ class ShiftMap:
         table = build(layout.span, group) if layout else None
         if layout is None or table is None:
             return None
-        fore, rear = self._boundary(number + 1) or self._end(1), self._boundary(number) or self._end(-1)
-        return Tile(self.track, table, layout, group, fore, rear, self._kept)
-
-    def _end(self, side: int) -> Place:
-        """Return the end of the track ahead (``side`` 1) or behind; an open track ends infinitely far away."""
-        last = len(self.track.segments) - 1
-        segment = self.track.segments[last if side > 0 else 0]
-        u = segment.last if side > 0 else segment.first
-        sense = side if abs(u) == inf else 0
-        return Place(last if side > 0 else 0, u if sense else u + self._beyond(segment, u, side))
-
-    @staticmethod
-    def _beyond(segment: object, u: float, side: int) -> float:
-        """Return a change of coordinate so large that no position at a closed end is excluded."""
-        rate = segment.rate(u)      # type: ignore[attr-defined]
-        return float(side * (1.0 if rate > 0 else -1.0) * (1 + abs(u)))
+        return Tile(self.track, table, layout, group, self._boundary(number + 1), self._boundary(number))

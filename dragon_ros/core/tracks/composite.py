@@ -11,7 +11,7 @@ where links may lock and followers may turn back; ``may_lock`` is true for such 
 import cmath
 from bisect import bisect_right
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from math import degrees, hypot, inf, pi, radians, remainder
 from typing import Any, NamedTuple
@@ -82,15 +82,6 @@ class Track:
         """The first segment if it is an unbounded inward spiral, else None; followers never leave such a spiral."""
         first = self.segments[0]
         return first if isinstance(first, SpiralSegment) and first.way == BEHIND and first.first == inf else None
-
-    def without_locks(self, link_m: float) -> 'Track | None':
-        """Return the part of the track on which links of this length do not lock, or None if it is not one interval."""
-        first = self.segments[0]
-        if self.bend * link_m <= LARGEST_BEND:
-            return self
-        if len(self.segments) > 1 or not isinstance(first, SpiralSegment):
-            return None
-        return Track((replace(first, last=link_m / (WIDEST_RAD * first.curve.b_m)),), self.origins_m)
 
     @property
     def lap_m(self) -> float:
