@@ -207,10 +207,7 @@ class MarchedLinks:
 
 
 class MarchedLink(NamedTuple):
-    """``MarchedLinks`` for one link before a block of a table, at one instant, in plain floats.
-
-    ``near`` is the handle nearer to the leader; the other handle's point and velocity are left to the block.
-    """
+    """``MarchedLinks`` for one link at one instant, in plain floats; ``near`` is the handle nearer to the leader."""
 
     start: int
     near: Place
@@ -226,24 +223,30 @@ class MarchedLink(NamedTuple):
         """Return the positions."""
         return np.array([self.near.segment, self.far.segment]), np.array([self.near.u, self.far.u])
 
-    def headings(self, chain: Chain, out: Floats) -> None:
-        """Fill in the unit tangent in the head's direction."""
-        self._fill(chain, 1.0, out)
+    def fill(self, values: tuple[complex, complex], direction: int, out: Floats) -> None:
+        """Write a value for each handle, the nearer one first, into a flat array for all handles."""
+        at = 2 * self.start if direction == BEHIND else out.size - 2 - 2 * self.start
+        near, far = values
+        out[at], out[at + 1] = near.real, near.imag
+        at -= 2 * direction
+        out[at], out[at + 1] = far.real, far.imag
 
-    def _fill(self, chain: Chain, speed: float, out: Floats) -> tuple[int, complex]:
-        """Write a velocity along the track; return its index in a flat array, and the unit tangent."""
-        at = 2 * (self.start if chain.direction == BEHIND else chain.links_m.size - self.start)
-        heading = chain.track.segments[self.near.segment].heading(self.near.u)
-        out[at], out[at + 1] = speed * heading.real, speed * heading.imag
-        return at, heading
+    def _headings(self, chain: Chain) -> tuple[complex, complex]:
+        segments, near, far = chain.track.segments, self.near, self.far
+        return segments[near.segment].heading(near.u), segments[far.segment].heading(far.u)
+
+    def headings(self, chain: Chain, out: Floats) -> None:
+        """Fill in unit tangents in the head's direction."""
+        self.fill(self._headings(chain), chain.direction, out)
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
-        """Fill in the velocity."""
-        at, one = self._fill(chain, speed, out)
-        two = chain.track.segments[self.far.segment].heading(self.far.u)
-        p, following = chain.p, at - 2 * chain.direction
-        x, y = p.item(at) - p.item(following), p.item(at + 1) - p.item(following + 1)
-        return speed * (x * one.real + y * one.imag) / (x * two.real + y * two.imag)
+        """Fill in velocities."""
+        one, two = self._headings(chain)
+        segments, near, far = chain.track.segments, self.near, self.far
+        link = segments[near.segment].at(near.u) - segments[far.segment].at(far.u)
+        after = speed * (link.real * one.real + link.imag * one.imag) / (link.real * two.real + link.imag * two.imag)
+        self.fill((speed * one, after * two), chain.direction, out)
+        return after
 
 
 def marched(track: Track, links_m: Floats, leader: Place, direction: int) -> Chain:

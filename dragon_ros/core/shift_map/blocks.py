@@ -9,11 +9,12 @@ import numpy as np
 from dragon_ros.core.chain.chain import Chain, MarchedLink, MarchedLinks, PlacedLinks, arrays_of
 from dragon_ros.core.chain.forward import Block, Handles, blocks_of, forward, forward_many, in_order
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
-from dragon_ros.core.shift_map.table import Product, ShiftMap, Spot, Spots, links_of_tile
+from dragon_ros.core.shift_map.table import Product, ShiftMap, Spot, Spots
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
 FEWEST = 8              # minimum number of links for a table; with fewer links, marching is faster
+_LONG = 512             # the length of the longest dragon with a map for a short block, in links of this block
 _MOST_MAPS = 4          # maximum number of shift maps per dragon, for the link lengths of its longest blocks
 
 
@@ -210,17 +211,17 @@ class Placement:
                 run.shift.build_all(Place.of(segment[run.start], u[run.start]))
 
     def _marched(self, flat: Floats, start: int, handles: Handles, solver: str) -> PlacedLinks:
-        """Write marched handles; for a single link, leave its last handle to the next run."""
-        links, count, direction = len(handles.u) - 1, len(self.links_m), self.direction
-        if links > 1 or start + 1 == count:
-            rows = arrays_of(handles)
-            first = 2 * (start if direction == BEHIND else count - start - links)
-            flat[first:first + 2 * links + 2] = self.track.points(*rows)[::-direction].ravel()
-            return MarchedLinks(start, rows, solver)
-        near, at = handles.place(0), 2 * (start if direction == BEHIND else count - start)
-        point = self.track.segments[near.segment].at(near.u)
-        flat[at], flat[at + 1] = point.real, point.imag
-        return MarchedLink(start, near, handles.place(1), solver)
+        """Write marched handles."""
+        if len(handles.u) == 2:
+            link = MarchedLink(start, handles.place(0), handles.place(1), solver)
+            near, far = (self.track.segments[place.segment].at(place.u) for place in (link.near, link.far))
+            link.fill((near, far), self.direction, flat)
+            return link
+        part = MarchedLinks(start, arrays_of(handles), solver)
+        first = 2 * (start if self.direction == BEHIND else len(self.links_m) - start - part.links)
+        points = self.track.points(*part.handles)[::-self.direction]
+        flat[first:first + points.size] = points.ravel()
+        return part
 
     def _tabulated(self, flat: Floats, start: int, stop: int, spot: Spot) -> TabulatedLinks | None:
         """Write the links that the table of a spot covers; return None if it covers no link."""
@@ -285,13 +286,12 @@ def _last(places: Places) -> Places:
 def lengths_with_maps(links_m: Floats) -> dict[float, int]:
     """Return the link lengths that have a shift map, and for each length the number of links in its longest block.
 
-    If links are so short that a tile of a spiral is shorter than the dragon, they have no map, because a map would
-    cover few states.
+    Links so short that ``_LONG`` of them are shorter than the dragon have no map, because few links would gain by it.
     """
     length_m, out = float(np.sum(links_m)), dict[float, int]()
     longest = sorted(((block.stop - block.start, block.link_m) for block in blocks_of(links_m, BEHIND)
                       if block.stop - block.start >= FEWEST), key=lambda row: -row[0])
     for links, link_m in longest:
-        if link_m in out or (len(out) < _MOST_MAPS and links_of_tile(links) * link_m >= length_m):
+        if link_m in out or (len(out) < _MOST_MAPS and max(2 * links, _LONG) * link_m >= length_m):
             out[link_m] = max(links, out.get(link_m, 0))
     return out

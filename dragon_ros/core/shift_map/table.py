@@ -39,7 +39,7 @@ _MOST_TILES = 4096          # maximum number of tiles of a shift map, including 
 _MOST_LAYOUTS = 512         # maximum number of sections of track whose spans are cached
 # The minimum length of a tile, in links; the length of a longer tile is the smallest power of two that is at least the
 # length of its blocks.
-_FEWEST_LINKS = 512
+_FEWEST_LINKS = 128
 # The minimum length of a tile on a composite track, in links; a longer tile is at least half as long as its blocks.
 _FEWEST_JOINED = 64
 _NEAR = 1e-9                # relative distance from a boundary within which rounding could decide a position's side
