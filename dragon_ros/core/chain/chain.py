@@ -39,8 +39,7 @@ class PlacedLinks(Protocol):
     def velocities(self, chain: 'Chain', speed: Any, out: Floats) -> Any:
         """Fill in velocities, given the first handle's speed in the head's direction; return the last handle's speed.
 
-        ``out`` has shape (S, N+1, 2); for one instant, it is a flat array of 2 N + 2 numbers. A part may leave the
-        velocity of its last handle to the next part.
+        ``out`` has shape (S, N+1, 2); for one instant, it is a flat array of 2 N + 2 numbers.
         """
         ...
 
