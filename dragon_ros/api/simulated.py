@@ -17,10 +17,7 @@ import numpy as np
 from dragon_ros.core.batches import batches, states, velocity_of
 from dragon_ros.core.checks import number, whole
 from dragon_ros.core.errors import FieldError, MissingError, naming_arguments
-from dragon_ros.core.geometry.near_obstacles import with_obstacles
-from dragon_ros.core.geometry.near_pairs import closeness
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of, corner_levers
-from dragon_ros.core.geometry.venue import surroundings_of
 from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.scene import Scene
@@ -252,6 +249,9 @@ class Simulated:
 
     def clearance(self, t_s: float | None = None) -> 'Clearance':
         """Return the smallest gap between benches, or to obstacles, at a time (by default, at the end of the run)."""
+        from dragon_ros.core.geometry.near_obstacles import with_obstacles  # few programs ask for it
+        from dragon_ros.core.geometry.near_pairs import closeness
+        from dragon_ros.core.geometry.venue import surroundings_of
         t_s = self.simulation.end.t_s if t_s is None else number('t_s', t_s)
         chain, dragon, venue = self.simulation.chain(t_s), self.scene.dragon, self.scene.venue
         benches = benches_of(chain, dragon, axes_of(chain))
