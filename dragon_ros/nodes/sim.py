@@ -1,8 +1,6 @@
 """``sim``: simulates a scene tick by tick and publishes each tick as bytes."""
 import threading
-import time
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import replace
+from collections.abc import Callable, Iterator
 from typing import Any
 
 from rclpy.parameter import Parameter as RosParameter
@@ -11,57 +9,26 @@ from rclpy.publisher import Publisher
 from dragon_ros.bags.read.frames import keep_s
 from dragon_ros.cli import command_line
 from dragon_ros.core.chain.commanded import Commanded
-from dragon_ros.core.errors import FieldError, InputError, MissingError, shown
+from dragon_ros.core.errors import FieldError, MissingError
 from dragon_ros.core.flags import Effect
-from dragon_ros.core.scene import Scene
-from dragon_ros.core.search.certificate import Contact, NoContact
-from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.core.search.certificate import Contact
 from dragon_ros.core.step import Frame
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
-from dragon_ros.messages.fixed_size import Together
 from dragon_ros.messages.latched import DESCRIPTION, ENCODE, latched_messages
 from dragon_ros.nodes import publisher_queue, qos, shell
 from dragon_ros.nodes.base import DragonNode
+from dragon_ros.nodes.broadcast import Broadcast
 from dragon_ros.nodes.clock import ClockPublisher
 from dragon_ros.nodes.entities import Bodies, bodies_of_frame
 from dragon_ros.nodes.frames import Frames
 from dragon_ros.nodes.led import Commands, LedFrames
 from dragon_ros.nodes.params import SIM
 from dragon_ros.nodes.playback import STANDARD, Player
+from dragon_ros.nodes.sim_scene import about_of, scene_of, searched
 from dragon_ros.nodes.tf_publisher import TF, TfPublisher
-from dragon_ros.scenes.certificate import claim_of
-from dragon_ros.scenes.load import load_scene
-from dragon_ros.scenes.provenance import CLAIM, scene_file
-
-
-class Broadcast:
-    """The frames of a run; showing a frame publishes it. ``shown`` is the last frame."""
-
-    def __init__(self, frames: Frames | LedFrames, topics: Iterable[publisher_queue.EncodedTopic]) -> None:
-        """Start before the first frame; each function in ``also`` is called with a frame before it is published."""
-        self.frames = frames
-        self.shown: Frame | None = None
-        self._topics, self._queue = tuple(topics), publisher_queue.PublisherQueue()
-        self.also: list[Callable[[Frame], None]] = []
-        self.next_ns, self.last_ns, self.rewind = frames.next_ns, frames.last_ns, frames.rewind
-        self.seek, self.place, self.ending = frames.seek, frames.place, frames.ending
-        self.stamp_ns, self.seconds = frames.stamp_ns, frames.seconds
-
-    def show(self) -> None:
-        """Publish the next frame and advance."""
-        self.shown = frame = self.frames.take()
-        for observe in self.also:
-            observe(frame)
-        together = Together((frame, *self.frames.ahead))
-        for topic in self._topics:
-            topic.put(together, self._queue)
-        self.flush()
-
-    def flush(self) -> bool:
-        """Publish messages held back by slow readers; return whether none remain."""
-        return self._queue.flush()
+from dragon_ros.scenes.provenance import scene_file
 
 
 class Sim(DragonNode):
@@ -74,8 +41,8 @@ class Sim(DragonNode):
         becomes true during the search, and DragonError if the parameters do not describe a valid scene.
         """
         super().__init__('sim', SIM, overrides)
-        self.scene, value = _scene_of(self.setting), self.setting
-        found = None if self.scene.is_led else _searched(self.scene, value['on_contact'], interrupted)
+        self.scene, value = scene_of(self.setting), self.setting
+        found = None if self.scene.is_led else searched(self.scene, value['on_contact'], interrupted)
         contact = found if isinstance(found, Contact) else None
         if (contact or self.scene.is_led) and value['on_contact'] == 'hold':
             self.set_parameters([RosParameter('at_end', value='hold')])
@@ -87,7 +54,7 @@ class Sim(DragonNode):
         self._frames = Broadcast(self._led() if self.scene.is_led else Frames(self.scene, contact, self._lossless),
                                  self.topics.values())
         self._frames.also = list(self._also())
-        for name, data in self._latched(_about(value, found)):
+        for name, data in self._latched(about_of(value, found)):
             self.topic_publishers[name] = self._publisher(name)
             self.topic_publishers[name].publish(data)
         self._frames.frames.prepare()
@@ -157,46 +124,6 @@ class Sim(DragonNode):
             self.get_logger().warning(f'effect joints: the pose of the head bench is not published on /tf: {error}')
             return False
         return True
-
-
-def _searched(scene: Scene, act: str, interrupted: Callable[[], bool]) -> Contact | NoContact | None:
-    """Return the first contact if the run reacts to it. Raises InterruptedError if ``interrupted()`` becomes true."""
-    def go_on(_: int) -> None:
-        if interrupted():
-            raise InterruptedError
-    return None if act == 'continue' else first_contact(scene, go_on)
-
-
-def _about(value: dict[str, Any], found: Contact | NoContact | None) -> dict[str, Any]:
-    """Return the ``about`` section of the published scene, which contains the first contact if the run ends there."""
-    about = {name: value[name] for name in ('frame_id', 'on_contact')}
-    claim = None if found is None else claim_of(found)
-    return about if claim is None else {**about, CLAIM: claim}
-
-
-def _scene_of(value: dict[str, Any]) -> Scene:
-    """Return the scene that the parameters describe."""
-    changed = [f'run.{key}={value[key]!r}' for key in ('start_s', 'stop_s', 'rate_hz') if value[key] >= 0]
-    accuracy = [f'accuracy={value["accuracy"]}'] if value['accuracy'] else []
-    scene = load_scene(value['scene'], [*filter(None, value['set']), *accuracy, *changed])
-    if not value['stamp_offset']:
-        return scene
-    return replace(scene, run=replace(scene.run, stamp_offset_s=_stamp_offset_s(value, scene.run.start_s)))
-
-
-def _stamp_offset_s(value: dict[str, Any], start_s: float) -> float:
-    """Return the offset of stamps in seconds; with 'wall', the first tick has the wall time at which it is due.
-
-    Raises InputError for any other text.
-    """
-    if value['stamp_offset'] == 'wall':
-        wait_s = publisher_queue.discovery_of(value['discovery_s'], value['wait_subscribers'])
-        return round(time.time() + wait_s - start_s, 3)
-    try:
-        return float(value['stamp_offset'])
-    except ValueError:
-        raise InputError(f'parameter stamp_offset: {shown(value["stamp_offset"])} is neither wall nor a number of '
-                         'seconds') from None
 
 
 def run(given: dict[str, Any], stop: threading.Event) -> int:
