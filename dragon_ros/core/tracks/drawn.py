@@ -578,7 +578,7 @@ def _blends(drawn: _SmoothLine, corners: list[tuple[float, float]], radius_m: fl
         shares = _shares(gaps, wide, slim)
         crowded = [k for k, share in enumerate(shares) if share is None and 0 < k < len(corners)]
         if not crowded:
-            return [_blend(drawn, place, _between(low, high, shares[k:k + 2]), least_m)
+            return [_blend(drawn, place, (_between(low, high, shares[k:k + 2]), low or 0.0), least_m)
                     for k, (place, low, high) in enumerate(zip(corners, slim, wide, strict=True))]
         k = crowded[0]
         corners = [*corners[:k - 1], (corners[k - 1][0], corners[k][1]), *corners[k + 1:]]
@@ -654,11 +654,12 @@ def _bent(drawn: _SmoothLine, place: tuple[float, float], reach_m: float, radius
     return found
 
 
-def _blend(drawn: _SmoothLine, place: tuple[float, float], reach_m: float, least_m: float) -> _Blend:
-    bows = _bent(drawn, place, reach_m, 0.0)
-    if bows is None:
-        raise _unwalkable(drawn, *place, least_m)
-    return _Blend(*_ends(drawn, place, reach_m), bows, place[0] == place[1])
+def _blend(drawn: _SmoothLine, place: tuple[float, float], reaches_m: tuple[float, float], least_m: float) -> _Blend:
+    """Return the blend with the first reach whose radii are large enough; a larger reach may have smaller radii."""
+    for reach_m in reaches_m:
+        if (bows := _bent(drawn, place, reach_m, least_m)) is not None:
+            return _Blend(*_ends(drawn, place, reach_m), bows, place[0] == place[1])
+    raise _unwalkable(drawn, *place, least_m)
 
 
 def _ends(drawn: _SmoothLine, place: tuple[float, float], reach_m: float) -> tuple[float, float]:

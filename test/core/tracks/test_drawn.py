@@ -285,6 +285,7 @@ def test_no_point_of_a_random_line_or_its_track_strays_further_than_is_said(firs
         said_m = max([route.strays_m, *(change.off_m for change in route.changes)])
         assert apart_m(route, drawn) <= said_m + 1e-5, seed
         assert route.strays_m <= tolerance_m, seed
+        assert min(radii(route), default=LEAST_M) >= LEAST_M * (1 - 1e-9), seed
     assert walked > 25
 
 
@@ -301,6 +302,15 @@ def test_a_recording_with_noise_is_smoothed_to_few_pieces_within_what_is_said(co
     assert largest_m(np.stack((drawn.real, drawn.imag), axis=1), np.array(laid(route).coords)) <= route.strays_m + 1e-5
     assert route.strays_m <= 15
     assert largest_m(np.stack((way.real, way.imag), axis=1), np.array(laid(route).coords)) < 10
+
+
+def test_no_bend_is_tighter_than_the_links_can_walk_though_a_longer_one_would_be():
+    """On this line, the largest blend of a bend has a smaller radius than the shortest one."""
+    drawn, _ = random_line(70)
+    route = along((drawn,), 1.57, 0.785, 0.05)
+    assert min(radii(route)) >= 0.785 * (1 - 1e-9)
+    with pytest.raises(InputError):
+        along((drawn,), 1.57, 0.785, 0.02, 2_000_000)
 
 
 @pytest.mark.parametrize('seed', [115, 255, 259])
