@@ -4,7 +4,7 @@ from dataclasses import replace
 from math import inf, nextafter
 
 import pytest
-from certificates import proved
+from certificates import proved, refusal
 from hypothesis import settings
 from properties import USUAL
 from random_scenes import random_scene
@@ -88,3 +88,16 @@ def test_a_result_that_the_checker_proves_says_it_is_complete(seed, run):
     found = first_contact(scene)
     assert found.certificate.complete
     assert proved(as_values(scene, found), EFFORT)
+
+
+@pytest.mark.parametrize('off', [-1.5, -0.5, 0.5, 1.5])
+def test_a_time_is_refused_beyond_the_stated_uncertainty_however_slowly_benches_approach(off):
+    scene = scene_of(Document('scene', random_scene(1121)))     # the gap closes by 46 um per metre
+    found = first_contact(scene)
+    assert found.uncertainty_s > 1e-7
+    values = as_values(scene, found)
+    values['contact']['t_s'] += off * found.uncertainty_s
+    if abs(off) < 1:
+        assert proved(values, EFFORT)
+    else:
+        assert 'overlap' in refusal(values, EFFORT)
