@@ -106,10 +106,10 @@ def _peak(call: Callable[[], object]) -> int:
 
 def build(scene: Scene) -> Build | None:
     """Return the cost of a shift map's first tile (the faster of two builds), or None if the scene has no map."""
-    spent, tiles, gone_m = [], list[Tile](), scene.head.travelled_m(scene.run.start_s)
+    spent, tiles, travel_m = [], list[Tile](), scene.head.travelled_m(scene.run.start_s)
     for _ in range(2):
         model = replace(compile_scene(scene).model)     # a new model, without tiles
-        leader = model.leader.place(gone_m)
+        leader = model.leader.place(travel_m)
         start = perf_counter()
         model.placement.place(leader)
         spent.append(perf_counter() - start)

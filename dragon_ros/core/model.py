@@ -46,7 +46,7 @@ _MOST_BYTES = 1_000_000_000
 class TravelEnd:
     """An end of the leader's range: its distance (m), its reason ('lock' or 'track'), and the link that locks."""
 
-    gone_m: float
+    travel_m: float
     reason: str
     link: int | None = None
 
@@ -100,21 +100,21 @@ class Model:
         """The memory used by the tables built so far, in bytes."""
         return self.placement.memory_bytes if 'placement' in vars(self) else 0      # not laid out just to be measured
 
-    def place(self, gone_m: float) -> Chain:
+    def place(self, travel_m: float) -> Chain:
         """Return the chain after the leader has travelled a distance (m). Raises ModelEnd if there is no chain."""
-        return self.placement.place(self.leader.place(gone_m))
+        return self.placement.place(self.leader.place(travel_m))
 
-    def place_many(self, gone_m: Floats, out: Floats | None = None) -> Chain:
+    def place_many(self, travel_m: Floats, out: Floats | None = None) -> Chain:
         """Return the chains at S distances as one Chain.
 
         The chains agree with chains that are placed one by one to within the promise, but not bit for bit. If given,
         ``out`` (shape (S, N+1, 2)) receives the handle positions.
         """
-        return self.placement.place_many(self.leader.places(gone_m), out)
+        return self.placement.place_many(self.leader.places(travel_m), out)
 
-    def march(self, gone_m: float) -> Chain:
+    def march(self, travel_m: float) -> Chain:
         """Return the chain, computed by forward placement without shift maps."""
-        return marched(self.track, self.links_m, self.leader.place(gone_m), self.direction)
+        return marched(self.track, self.links_m, self.leader.place(travel_m), self.direction)
 
     def size_m(self, extent_m: tuple[float, float]) -> float:
         """Return a bound (m) on the handles' distance from the origin for travel within ``extent_m``."""
@@ -125,8 +125,8 @@ class Model:
         """The ends of the leader's range, backwards and forwards; None if there is no end. Raises ChainLockError."""
         back_m, onwards_m = self.leader.range_m
         if not self.track.may_lock:
-            back, onwards = (TravelEnd(gone_m, 'track') if abs(gone_m) < inf else None
-                             for gone_m in (back_m, onwards_m))
+            back, onwards = (TravelEnd(travel_m, 'track') if abs(travel_m) < inf else None
+                             for travel_m in (back_m, onwards_m))
             return back, onwards
         spiral = self.track.from_afar
         assert spiral
@@ -213,7 +213,7 @@ class Simulation:
         """The end of the model, at which the chain locks or a handle reaches the end of the track; None if endless."""
         law = self.scene.head
         ends = [(t_s, limit) for limit, sense in zip(self.model.limits, (-1, 1), strict=True)
-                if limit and (t_s := law.passage_s(limit.gone_m, sense)) is not None]
+                if limit and (t_s := law.passage_s(limit.travel_m, sense)) is not None]
         if not ends:
             return None
         t_s, limit = min(ends, key=lambda end: end[0])
@@ -273,8 +273,8 @@ class Simulation:
         if not self.model.track.may_lock or not spiral:
             return TrackEndError(f't_s: {t_s:.9g} s is beyond the end of the scene: the track ends for a handle '
                                  f'at {limit.t_s:.6f} s; choose an earlier time', t_s=t_s, limit_s=limit.t_s)
-        gone_m = min(spiral.curve.length_m, self.scene.head.travelled_m(limit.t_s))
-        radius_m = spiral.curve.b_m * spiral.curve.inward(gone_m)
+        travel_m = min(spiral.curve.length_m, self.scene.head.travelled_m(limit.t_s))
+        radius_m = spiral.curve.b_m * spiral.curve.inward(travel_m)
         why = 'the head reaches the centre' if limit.reason == 'track' else f'the chain locks at link {limit.link}'
         kind = TrackEndError if limit.reason == 'track' else ChainLockError
         return kind(f't_s: {t_s:.9g} s is beyond the end of the scene: {why} at {limit.t_s:.6f} s, with the head at '
@@ -295,7 +295,7 @@ class Simulation:
     def _reach_m(self) -> tuple[float, float]:
         least, most = self.scene.head.extent_m(self.end.t_s - self.scene.run.start_s)
         back, onwards = self.model.limits
-        return max(least, back.gone_m) if back else least, min(most, onwards.gone_m) if onwards else most
+        return max(least, back.travel_m) if back else least, min(most, onwards.travel_m) if onwards else most
 
     @cached_property
     def span_m(self) -> tuple[float, float]:
@@ -317,12 +317,12 @@ class Simulation:
         (least, most), step = self.extent_m, 0.5 * self.model.placement.section_m
         here = 0.0 if self.scene.is_led else float(self.scene.head.travelled_m(self.scene.run.start_s))
         for sense, end in ((1, most), (-1, least)):
-            for gone_m in (here + sense * n * step for n in count()):
-                beyond = sense * (gone_m - end) >= 0
+            for travel_m in (here + sense * n * step for n in count()):
+                beyond = sense * (travel_m - end) >= 0
                 if self.model.memory_bytes > _MOST_BYTES_AHEAD:
                     return
                 try:
-                    self.model.placement.build_near(self.model.leader.place(end if beyond else gone_m))
+                    self.model.placement.build_near(self.model.leader.place(end if beyond else travel_m))
                 except ModelEnd:
                     break
                 if beyond:

@@ -141,7 +141,7 @@ class LedFrames:
         """Return the head law up to the next tick; it follows the commanded speed within the limits."""
         assert self._law
         back, onwards = self._simulation.model.limits
-        ends_m = back.gone_m if back else -inf, onwards.gone_m if onwards else inf
+        ends_m = back.travel_m if back else -inf, onwards.travel_m if onwards else inf
         law, end = next_law(self._law, t_s, self._wanted_m_s(), ends_m, self._keep_s)
         self._mind((None, onwards, back)[end])
         return law
@@ -150,7 +150,7 @@ class LedFrames:
         """Report once that the dragon brakes, because it approaches a lock or the end of the track."""
         if limit and not self._brakes:
             what = f'the chain would lock at link {limit.link}' if limit.reason == 'lock' else 'the track ends'
-            self._say(f'braking: {what} when the leader has travelled {limit.gone_m:.6f} m')
+            self._say(f'braking: {what} when the leader has travelled {limit.travel_m:.6f} m')
         self._brakes = limit is not None
 
     def _t_s(self, k: int) -> float:
@@ -172,8 +172,8 @@ class LedFrames:
 
     def place(self) -> str:
         """Describe the position of the last frame taken."""
-        k, gone_m = max(self.k - 1, 0), self._law.gone_m if self._law else 0.0
-        return f'at {self._t_s(k):.3f} s, tick {k}, {gone_m:.3f} m travelled'
+        k, travel_m = max(self.k - 1, 0), self._law.travel_m if self._law else 0.0
+        return f'at {self._t_s(k):.3f} s, tick {k}, {travel_m:.3f} m travelled'
 
     def ending(self) -> str:
         """Return why there is no next frame."""

@@ -17,7 +17,7 @@ _HALVINGS = 80          # number of bisections for times that are only printed
 
 @dataclass(frozen=True)
 class Approach:
-    """The leg of the law on which the leader reaches a contact at ``gone_m`` or rests there.
+    """The leg of the law on which the leader reaches a contact at ``travel_m`` or rests there.
 
     ``earlier`` is the range of the leader's earlier positions in the run, or None if there are none.
     """
@@ -25,7 +25,7 @@ class Approach:
     law: Law
     leg: Leg
     t_s: Fraction
-    gone_m: Fraction
+    travel_m: Fraction
     earlier: Extent | None
 
     @property
@@ -38,13 +38,13 @@ class Approach:
         """How far the leader was earlier beyond the contact's position, at most; negative if it never was."""
         if self.earlier is None:
             return Fraction(-1)
-        return (self.earlier[1] - self.gone_m) if self.sense > 0 else (self.gone_m - self.earlier[0])
+        return (self.earlier[1] - self.travel_m) if self.sense > 0 else (self.travel_m - self.earlier[0])
 
     def after_m(self, slack_m: Fraction) -> Fraction:
         """Return how far the leader moves beyond the contact's position, but at most one slack."""
         if self.leg.until_s is None:
             return slack_m * abs(self.sense)
-        return min(slack_m, (self.law.gone_m(self.leg.until_s) - self.gone_m) * self.sense)
+        return min(slack_m, (self.law.travel_m(self.leg.until_s) - self.travel_m) * self.sense)
 
     def takes_s(self, start_s: float, slack_m: Fraction) -> tuple[float, float] | None:
         """Return the time interval in which the leader is within the slack of the contact; None if it is short."""
@@ -58,7 +58,7 @@ class Approach:
 
     def _on_m(self, t_s: Fraction) -> Fraction:
         """Return how far the leader is beyond the contact's position at a time, in its direction of motion."""
-        return (self.law.gone_m(t_s) - self.gone_m) * self.sense
+        return (self.law.travel_m(t_s) - self.travel_m) * self.sense
 
     def _reached_s(self, on_m: Fraction, low: Fraction, high: Fraction | None) -> Fraction:
         """Return the approximate time at which the leader is ``on_m`` beyond the contact, or the nearer end."""
@@ -79,6 +79,6 @@ def approaches(law: Law, start_s: float, t_s: float) -> list[Approach]:
     moving = [leg for leg in legs if leg.sense]
     if not moving and at > start + unsure:
         raise Refused(f'contact.t_s: at {t_s!r} s the leader has rested since {float(max(start, legs[0].since_s))!r} s')
-    return [Approach(law, leg, at, law.gone_m(at),
+    return [Approach(law, leg, at, law.travel_m(at),
                      law.extent_m(start, min(leg.since_s, at)) if leg.since_s > start else None)
             for leg in moving or legs]

@@ -25,7 +25,7 @@ class Mark(NamedTuple):
     """
 
     t_s: Fraction
-    gone_m: Fraction
+    travel_m: Fraction
     sense: int
     more_m: Fraction = Fraction(0)
 
@@ -77,7 +77,7 @@ class Law:
         v0, x = self.knots[n][1], self._share(n, t_s)
         return v0 + (self.knots[n + 1][1] - v0) * (x * x * (3 - 2 * x) if self.smooth else x) if x else v0
 
-    def gone_m(self, t_s: Fraction) -> Fraction:
+    def travel_m(self, t_s: Fraction) -> Fraction:
         """Return how far the leader has travelled since 0 s."""
         return self._gone(bisect_right(self._times, t_s) - 1, t_s)
 
@@ -127,7 +127,7 @@ class Law:
     def extent_m(self, start_s: Fraction, end_s: Fraction) -> Extent:
         """Return bounds, rounded outwards, on the leader's distance at any time from start to end."""
         inside = self.marks[bisect_left(self._mark_times, start_s):bisect_right(self._mark_times, end_s)]
-        gone = [self.gone_m(start_s), self.gone_m(end_s), *(mark.gone_m for mark in inside)]
+        gone = [self.travel_m(start_s), self.travel_m(end_s), *(mark.travel_m for mark in inside)]
         more = max((mark.more_m for mark in inside), default=Fraction(0))
         return min(gone) - more, max(gone) + more
 
@@ -138,7 +138,7 @@ class Law:
                 break
             yield before, after
         if end_s is not None and end_s > 0:
-            yield self.marks[bisect_left(self._mark_times, end_s) - 1], Mark(end_s, self.gone_m(end_s), 0)
+            yield self.marks[bisect_left(self._mark_times, end_s) - 1], Mark(end_s, self.travel_m(end_s), 0)
 
     @property
     def last(self) -> tuple[Mark, Fraction]:

@@ -83,7 +83,7 @@ class _Proof:
     def _before(self, contact: Contact) -> str:
         """Prove that no benches touch before a contact, and that the named benches touch at the time of the contact."""
         start_s, t_s = self._scene.start_s, contact.t_s
-        gone, run = exact(self._scene.law.gone_m(Fraction(t_s))), self._run_to(t_s)
+        gone, run = exact(self._scene.law.travel_m(Fraction(t_s))), self._run_to(t_s)
         poses = self._poses(contact, gone)
         self._promise_m = max(self._promise_m, *(
             _promise_m(self._track, abs(pose.near) + pose.shape.arm_m) for pose in poses))
@@ -179,7 +179,7 @@ class _Proof:
         """Return the approach on which the benches of a contact provably overlap, and a phrase about the overlap."""
         for way in ways:
             after_m = way.after_m(slack_m)
-            poses = self._poses(contact, exact(way.gone_m + after_m * way.sense))
+            poses = self._poses(contact, exact(way.travel_m + after_m * way.sense))
             if overlap(*poses) or any(overlap(poses[0], edge) for edge in self._met):
                 return way, f'{_pair(contact)} overlap {_metres(max(after_m, Fraction(0)))} after it'
         raise Refused(f'contact: {_metres(after_m)} of leader travel after {contact.t_s!r} s '
@@ -200,7 +200,7 @@ class _Proof:
         every = ways(self._dragon, places)
         self._cover.clear(every, self._hints(every, places))
         if self._scene.venue is not None:
-            gone = exact(self._scene.law.gone_m(Fraction(self._scene.start_s)))
+            gone = exact(self._scene.law.travel_m(Fraction(self._scene.start_s)))
             head = Posture(self._track, self._dragon, 0, self._track.place_at(self._leader.head(gone)))
             self._obstacles.clear(ways_by_length(self._dragon, places), {})
             check_sides(self._scene.venue, head.pose(0))
@@ -248,10 +248,10 @@ def _up_to(part: Range, way: Approach, slack_m: Fraction) -> Range | None:
         return None
     low, high = part
     if way.sense > 0:
-        high = high.min(exact(way.gone_m - slack_m)).upper()
+        high = high.min(exact(way.travel_m - slack_m)).upper()
         high = high if way.earlier is None else high.max(exact(way.earlier[1])).upper()
     else:
-        low = low.max(exact(way.gone_m + slack_m)).lower()
+        low = low.max(exact(way.travel_m + slack_m)).lower()
         low = low if way.earlier is None else low.min(exact(way.earlier[0])).lower()
     return (low, high) if low <= high else None
 

@@ -211,7 +211,7 @@ def run_of(law: Law, leader: Leader, scene: Scene, until_s: float | None, slack_
     limits = leader.limits(slack_m, None if stop is None else exact(law.extent_m(Fraction(0), stop)[1]))
     for before, after in law.pieces(stop):
         for limit, sense in zip(limits, (-1, 1), strict=True):
-            if limit and exact(after.gone_m) * sense > limit.gone * sense:
+            if limit and exact(after.travel_m) * sense > limit.gone * sense:
                 return _ended(law, start, before, after, limit, sense)
     if stop is not None:
         whole, part = (_within(law.extent_m(first, stop), limits) for first in (Fraction(0), start))
@@ -246,14 +246,14 @@ def _up_to(extent: Extent, end: arb, sense: int) -> Range:
     return (low.lower(), high.max(end).upper()) if sense > 0 else (low.min(end).lower(), high.upper())
 
 
-def _passage(law: Law, before: Mark, after: Mark | None, gone_m: Fraction, sense: int) -> Fraction:
+def _passage(law: Law, before: Mark, after: Mark | None, travel_m: Fraction, sense: int) -> Fraction:
     """Return the approximate time at which the leader has travelled this far, on a piece without a reversal."""
-    if (before.gone_m - gone_m) * sense >= 0:
+    if (before.travel_m - travel_m) * sense >= 0:
         return before.t_s
     if after is None:
-        return before.t_s + (gone_m - before.gone_m) / law.last[1]
+        return before.t_s + (travel_m - before.travel_m) / law.last[1]
     low, high = before.t_s, after.t_s
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
-        low, high = (low, middle) if (law.gone_m(middle) - gone_m) * sense > 0 else (middle, high)
+        low, high = (low, middle) if (law.travel_m(middle) - travel_m) * sense > 0 else (middle, high)
     return high

@@ -75,7 +75,7 @@ def test_models_are_kept_in_bytes(monkeypatch):
     scenes = [Scene(dragon=Dragon(benches)) for benches in range(100, 110)]
     state(scenes[0], 1.0)
     one = compile_scene(scenes[0]).model.memory_bytes
-    assert one > 100_000
+    assert one > 50_000
     monkeypatch.setattr(model_module, '_MOST_BYTES', 4.5 * one)
     for scene in scenes:
         state(scene, 1.0)
@@ -107,11 +107,11 @@ def test_limits_are_metres_of_the_leader_and_no_law_moves_them():
     assert compile_scene(CLASSIC).model.limits == compile_scene(replace(CLASSIC, head=Head(3.0))).model.limits
     back, on = compile_scene(CLASSIC).model.limits
     assert back is None
-    assert (on.reason, on.link, on.gone_m) == ('lock', 0, pytest.approx(432.917923, abs=5e-7))
+    assert (on.reason, on.link, on.travel_m) == ('lock', 0, pytest.approx(432.917923, abs=5e-7))
     track = Composite((Line(10.0), Arc(3.0, 90.0)), start_m=4.0)
     back, on = compile_scene(Scene(dragon=Dragon(10), track=track)).model.limits
     assert back is None
-    assert (on.reason, on.gone_m) == ('track', pytest.approx(6 + 1.5 * np.pi, rel=1e-15))
+    assert (on.reason, on.travel_m) == ('track', pytest.approx(6 + 1.5 * np.pi, rel=1e-15))
 
 
 def test_a_model_places_what_the_scene_places():

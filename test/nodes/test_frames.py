@@ -84,8 +84,8 @@ def test_no_frame_of_a_led_run_waits_for_a_table_ahead_or_behind_once_all_are_bu
     frames.prepare()
     frames.tables.join()
     before = built(scene)
-    for gone_m in np.linspace(*compile_scene(scene).extent_m, 50).tolist():
-        compile_scene(scene).model.place(gone_m)
+    for travel_m in np.linspace(*compile_scene(scene).extent_m, 50).tolist():
+        compile_scene(scene).model.place(travel_m)
     assert built(scene) == before
 
 

@@ -637,17 +637,17 @@ def test_a_place_is_passed_when_the_leader_is_there_on_its_way(rows, smooth, sha
         knots.append((t_s, Fraction(speed)))
     law = Law(tuple(knots), smooth)
     for before, after in pairwise(law.marks):
-        way = after.gone_m - before.gone_m
+        way = after.travel_m - before.travel_m
         if not before.sense:
             continue
-        gone_m = before.gone_m + Fraction(share) * way
-        passed = _passage(law, before, after, gone_m, before.sense)
+        travel_m = before.travel_m + Fraction(share) * way
+        passed = _passage(law, before, after, travel_m, before.sense)
         assert before.t_s <= passed <= after.t_s
-        assert abs(law.gone_m(passed) - gone_m) < Fraction(1, 10**15) + after.more_m
-        assert _passage(law, before, after, before.gone_m - before.sense, before.sense) == before.t_s
+        assert abs(law.travel_m(passed) - travel_m) < Fraction(1, 10**15) + after.more_m
+        assert _passage(law, before, after, before.travel_m - before.sense, before.sense) == before.t_s
     last, speed = law.last
     if speed:
-        passed = _passage(law, last, None, last.gone_m + 7 * speed, last.sense)
+        passed = _passage(law, last, None, last.travel_m + 7 * speed, last.sense)
         assert passed == last.t_s + 7
 
 

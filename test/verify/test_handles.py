@@ -17,7 +17,7 @@ TURN_M = 432.7581345      # travel of the head at which handle 1 of the classic 
 NEVER_LESS = 1 - 1e-12      # allows for the rounding of balls and floats if a value equals its bound
 
 
-def gone_m(track, one, two):
+def travel_m(track, one, two):
     """Return the distance along the track between two positions."""
     return float(abs(track.distance(one) - track.distance(two)))
 
@@ -38,7 +38,7 @@ def hold(made_of, start, stop, shares):
                 assert place.segment == handle.segment
                 assert not place.u < handle.low
                 assert not place.u > handle.high
-            ways = [gone_m(track, place, end.place(n)) for end in ends]
+            ways = [travel_m(track, place, end.place(n)) for end in ends]
             assert NEVER_LESS * sum(ways) <= handle.moved_m + 1e-25
 
 
@@ -85,7 +85,7 @@ def test_the_first_links_of_the_classic_dragon_turn_back_and_what_follows_them_d
         handle, places = piece._handle(n), [posture.place(n) for posture in inside]
         least, most = (chosen(float(place.u) for place in places) for chosen in (min, max))
         turning = min(places, key=lambda place: float(place.u))
-        gone = gone_m(track, places[0], turning) + gone_m(track, turning, places[-1])
+        gone = travel_m(track, places[0], turning) + travel_m(track, turning, places[-1])
         assert float(handle.low) <= least
         assert float(handle.high) >= most * NEVER_LESS
         assert handle.moved_m >= gone
@@ -107,7 +107,7 @@ def test_a_handle_that_turns_back_anywhere_in_an_interval_stays_within_its_bound
         assert float(handle.low) <= least
         assert most * NEVER_LESS <= float(handle.high)
         both = [end.place(n) for end in ends]
-        furthest = max(sum(gone_m(track, Place(0, u), end) for end in both) for u in (handle.low, handle.high))
+        furthest = max(sum(travel_m(track, Place(0, u), end) for end in both) for u in (handle.low, handle.high))
         assert furthest * NEVER_LESS <= handle.moved_m < 1.001 * furthest
 
 
@@ -143,8 +143,9 @@ def test_how_far_handles_go_that_turn_back_is_bounded_tightly(half):
     inside = [at(track, benches, arb(middle + half * k / 100)) for k in range(-100, 101)]
     for n in range(1, BENCHES + 1):
         handle, places = piece._handle(n), [posture.place(n) for posture in inside]
-        ways = max(sum(gone_m(track, place, end.place(n)) for end in ends) for place in places)
+        ways = max(sum(travel_m(track, place, end.place(n)) for end in ends) for place in places)
         assert handle.ends == (None, None)
         assert ways <= handle.moved_m < 5 * ways
-        furthest = max(sum(gone_m(track, Place(0, u), end.place(n)) for end in ends) for u in (handle.low, handle.high))
+        furthest = max(sum(travel_m(track, Place(0, u), end.place(n)) for end in ends)
+                       for u in (handle.low, handle.high))
         assert furthest * NEVER_LESS <= handle.moved_m < 1.001 * furthest

@@ -147,9 +147,9 @@ def constant_of_the_lipschitz_bound(patch):
 def first_passage(patch):
     """Positions whose times are half a microsecond late."""
     domain = search_domain.SearchDomain
-    time_s, gone_m = domain.time_s, domain.gone_m
+    time_s, travel_m = domain.time_s, domain.travel_m
     patch.setattr(domain, 'time_s', lambda self, place: time_s(self, place) + 5e-7)
-    patch.setattr(domain, 'gone_m', lambda self, t_s: gone_m(self, t_s - 5e-7))
+    patch.setattr(domain, 'travel_m', lambda self, t_s: travel_m(self, t_s - 5e-7))
 
 
 BUGS = [(lock, LOCKING), (start, SHORT), (end, SHORT), (end, TURN), (stop, LOCKING), (law_integral, LAW),

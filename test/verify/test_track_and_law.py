@@ -59,7 +59,7 @@ def chain(scene, t_s):
     plain = read(scene)
     track, dragon = track_of(plain), Benches(plain)
     leader = Leader(track, dragon, plain.tail_leads, Budget(10**6))
-    gone = exact(plain.law.gone_m(Fraction(t_s)))
+    gone = exact(plain.law.travel_m(Fraction(t_s)))
     posture = Posture(track, dragon, 0, track.place_at(leader.head(gone)))
     return [posture.point(n) for n in range(len(dragon.benches) + 1)], track, posture
 
@@ -163,8 +163,8 @@ def test_the_law_goes_as_far_as_the_solvers_does_and_its_extent_holds_every_plac
     solver, law = Profile(knots, ramps), Law(tuple((Fraction(t), Fraction(v)) for t, v in knots), ramps == 'smooth')
     low, high = law.extent_m(Fraction(start_s), Fraction(start_s + run_s))
     for t_s in np.linspace(start_s, start_s + run_s, 12).tolist():
-        assert abs(law.gone_m(Fraction(t_s)) - Fraction(solver.travelled_m(t_s))) < 1e-13
-        assert low <= law.gone_m(Fraction(t_s)) <= high
+        assert abs(law.travel_m(Fraction(t_s)) - Fraction(solver.travelled_m(t_s))) < 1e-13
+        assert low <= law.travel_m(Fraction(t_s)) <= high
         assert abs(law.speed_m_s(Fraction(t_s)) - Fraction(solver.speed_at_m_s(t_s))) < 1e-12
     ends = [solver.travelled_m(t) for t in (start_s, start_s + run_s, *solver.breaks_s)
             if start_s <= t <= start_s + run_s]
@@ -176,9 +176,9 @@ def test_a_smooth_ramp_comes_to_rest_between_bounds_that_are_rounded_outwards():
     law = Law(((Fraction(0), Fraction(1)), (Fraction(3), Fraction(-2))), smooth=True)
     low, high = law.extent_m(Fraction(0), Fraction(3))
     rest_s = law.marks[1].t_s
-    assert all(law.gone_m(rest_s + Fraction(n, 10**9)) < high for n in (-1, 0, 1))
-    assert high - law.gone_m(rest_s) < Fraction(1, 2**90)
-    assert low < law.gone_m(Fraction(3))
+    assert all(law.travel_m(rest_s + Fraction(n, 10**9)) < high for n in (-1, 0, 1))
+    assert high - law.travel_m(rest_s) < Fraction(1, 2**90)
+    assert low < law.travel_m(Fraction(3))
 
 
 @examples(60)
@@ -193,7 +193,7 @@ def test_the_legs_of_a_law_say_which_way_the_leader_goes_at_any_time(rows, smoot
     assert all(a.until_s == b.since_s and a.sense != b.sense for a, b in pairwise(law.legs))
     for leg in law.legs:
         until_s = leg.since_s + 2 if leg.until_s is None else leg.until_s
-        gone = [law.gone_m(leg.since_s + (until_s - leg.since_s) * k / 9) for k in range(10)]
+        gone = [law.travel_m(leg.since_s + (until_s - leg.since_s) * k / 9) for k in range(10)]
         assert all((b > a) - (b < a) == leg.sense for a, b in pairwise(gone))
         assert leg in law.legs_at(leg.since_s, Fraction(0))
         assert law.legs_at((leg.since_s + until_s) / 2, Fraction(0)) == [leg]

@@ -92,7 +92,7 @@ class Walked:
         return Legs(self.knots, self.reached)
 
     @property
-    def gone_m(self) -> float:
+    def travel_m(self) -> float:
         """The distance travelled at the last knot, in metres."""
         return self.reached[-1][0]
 
@@ -178,9 +178,10 @@ def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, fl
     The direction is -1 (backwards), 1 (forwards), or 0 if the leader need not brake. ``ends_m`` holds the limits of
     travel backwards and forwards (m); a missing limit is infinite. Knots older than ``keep_s`` seconds are dropped.
     """
-    (before_s, speed), gone_m = law.knots[-1], law.gone_m
+    (before_s, speed), travel_m = law.knots[-1], law.travel_m
     step = law.settings, speed, wanted_m_s, t_s - before_s
-    free, walked = next_speed_m_s(*step, (inf, inf)), next_speed_m_s(*step, (gone_m - ends_m[0], ends_m[1] - gone_m))
+    left_m = travel_m - ends_m[0], ends_m[1] - travel_m
+    free, walked = next_speed_m_s(*step, (inf, inf)), next_speed_m_s(*step, left_m)
     return law.walked_on(t_s, walked, keep_s), 0 if walked == free else 1 if free > 0 else -1
 
 

@@ -51,21 +51,21 @@ class Leader:
         """Distance of the leader along the track when it has travelled 0 m."""
         return self.start_m if self.direction == BEHIND else tail_behind_m(self.track, self.links_m, self.start_m)
 
-    def place(self, gone_m: float) -> Place:
-        """Return the leader's position after it has travelled ``gone_m``. Raises TrackEndError beyond an end."""
-        return self.track.place_at(self.along_m(gone_m), self._origin_m)
+    def place(self, travel_m: float) -> Place:
+        """Return the leader's position after it has travelled ``travel_m``. Raises TrackEndError beyond an end."""
+        return self.track.place_at(self.along_m(travel_m), self._origin_m)
 
-    def places(self, gone_m: Floats) -> Places:
+    def places(self, travel_m: Floats) -> Places:
         """Return the positions of the leader for many distances travelled."""
-        return self.track.places_at(self.along_m(gone_m))
+        return self.track.places_at(self.along_m(travel_m))
 
-    def gone_m(self, leader: Place) -> float:
+    def travel_m(self, leader: Place) -> float:
         """Return the distance that the leader has travelled when it is at a given position."""
         return self.direction * (self._origin_m - self.track.distance_of(leader))
 
-    def along_m(self, gone_m: Any) -> Any:
-        """Return the distance of the leader along the track when it has travelled ``gone_m``, for one or many."""
-        return self._origin_m - self.direction * gone_m
+    def along_m(self, travel_m: Any) -> Any:
+        """Return the distance of the leader along the track when it has travelled ``travel_m``, for one or many."""
+        return self._origin_m - self.direction * travel_m
 
     def turning_m(self, low_m: float, high_m: float, links: int | None = None) -> list[float]:
         """Return the distances travelled, between two limits, at which a handle turns back, in ascending order.
@@ -77,9 +77,9 @@ class Leader:
         spiral = self.track.from_afar
         if not (self.track.may_lock and spiral):
             return []
-        low, high = sorted(self.place(gone_m).u for gone_m in (low_m, high_m))
+        low, high = sorted(self.place(travel_m).u for travel_m in (low_m, high_m))
         chords = (self.links_m[:links] / spiral.curve.b_m).tolist()
-        return sorted(self.gone_m(Place(0, theta)) for theta in turning_places(chords, low, high))
+        return sorted(self.travel_m(Place(0, theta)) for theta in turning_places(chords, low, high))
 
     @cached_property
     def range_m(self) -> tuple[float, float]:

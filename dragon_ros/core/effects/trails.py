@@ -15,8 +15,8 @@ def trail(simulation: Simulation, t_s: float) -> Floats:
 
 def _head_at(simulation: Simulation, times_s: Floats) -> Floats:
     """Return the head's positions (S, 2) at many times; if the tail leads, the head is the far end of the chain."""
-    model, gone_m = simulation.model, simulation.scene.head.travelled_m(times_s)
+    model, travel_m = simulation.model, simulation.scene.head.travelled_m(times_s)
     if model.direction == BEHIND:
-        return model.track.points(*model.leader.places(gone_m))
-    head: Floats = model.place_many(gone_m).p[:, 0]
+        return model.track.points(*model.leader.places(travel_m))
+    head: Floats = model.place_many(travel_m).p[:, 0]
     return head

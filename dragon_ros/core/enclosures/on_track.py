@@ -345,22 +345,22 @@ def _turned(u: Floats, vectors: Floats) -> tuple[Floats, Floats]:
     return (u[:, 0] * vectors[:, 0] + u[:, 1] * vectors[:, 1], u[:, 0] * vectors[:, 1] - u[:, 1] * vectors[:, 0])
 
 
-def second_derivatives(moving: Kinematics, one: Views, two: Views, row: Ints, i: Ints, j: Ints, gone_m: Floats,
+def second_derivatives(moving: Kinematics, one: Views, two: Views, row: Ints, i: Ints, j: Ints, travel_m: Floats,
                        arm: Floats) -> tuple[Floats, Floats]:
     """Return bounds (K,) on second derivatives of either bench's corners in the frame of the other bench.
 
-    ``gone_m`` (K,) holds the distances that the leader moves, and ``arm`` (N,) the distances of corners from middles. A
-    bound is infinite if the derivative is unbounded.
+    ``travel_m`` (K,) holds the distances that the leader moves, and ``arm`` (N,) the distances of corners from middles.
+    A bound is infinite if the derivative is unbounded.
     """
     with np.errstate(all='ignore'):
         turn, turn_rate = _at(moving.w, row, i), _at(moving.w_rate, row, i)
         axis_error = moving.axis_error[i]
-        handles = [_handle(moving, row, handle, (one.track[:, n], two.track[:, n]), turn, gone_m,
+        handles = [_handle(moving, row, handle, (one.track[:, n], two.track[:, n]), turn, travel_m,
                            axis_error + moving.track_error)
                    for n, handle in enumerate((i, i + 1, j, j + 1))]
         (v_x, v_y), (a_x, a_y) = ([0.5 * (c + d - a - b) for a, b, c, d in zip(*parts, strict=True)]
                                   for parts in zip(*handles, strict=True))
-        x, y, u_x, u_y = _middle(one, two, (v_x, v_y), turn, gone_m, _off_m(one, two, axis_error, moving.error_m))
+        x, y, u_x, u_y = _middle(one, two, (v_x, v_y), turn, travel_m, _off_m(one, two, axis_error, moving.error_m))
         square = turn.squared()
         first = ABOVE * np.hypot((a_x + 2 * turn * u_y + turn_rate * y + square * x).most,
                                  (a_y - 2 * turn * u_x - turn_rate * x + square * y).most)
@@ -377,13 +377,13 @@ def _at(ball: Ball, row: Ints, column: Ints) -> Ball:
     return Ball(ball.mid[row, column], ball.rad[row, column])
 
 
-def _handle(moving: Kinematics, row: Ints, handle: Ints, track: tuple[Floats, Floats], turn: Ball, gone_m: Floats,
+def _handle(moving: Kinematics, row: Ints, handle: Ints, track: tuple[Floats, Floats], turn: Ball, travel_m: Floats,
             off: Floats) -> tuple[tuple[Ball, Ball], tuple[Ball, Ball]]:
     """Return a handle's velocity and acceleration in a fixed frame, as components along and across the first bench."""
     v, a, k = (_at(ball, row, handle) for ball in (moving.v, moving.a, moving.k))
     start, stop = (np.arctan2(each[:, 1], each[:, 0]) for each in track)
     stop = start + np.remainder(stop - start + np.pi, 2 * np.pi) - np.pi
-    reach = ABOVE * (0.5 * (k * v - turn).most * gone_m + off)
+    reach = ABOVE * (0.5 * (k * v - turn).most * travel_m + off)
     ends = between(start, stop, off)
     # ``stop`` assumes the shorter turn from ``start``, which is certain if the angle changes by less than half a turn.
     sin, cos = Ball(ends.mid, np.where(reach < 0.5 * np.pi, np.maximum(ends.rad, reach), np.inf)).sin_cos()
@@ -397,7 +397,7 @@ def _off_m(one: Views, two: Views, axis_error: Floats, error_m: float) -> Floats
     return out
 
 
-def _middle(one: Views, two: Views, v: tuple[Ball, Ball], turn: Ball, gone_m: Floats,
+def _middle(one: Views, two: Views, v: tuple[Ball, Ball], turn: Ball, travel_m: Floats,
             off: Floats) -> tuple[Ball, Ball, Ball, Ball]:
     """Return enclosures of the second bench's middle in the frame of the first bench, and of this middle's velocity.
 
@@ -405,12 +405,12 @@ def _middle(one: Views, two: Views, v: tuple[Ball, Ball], turn: Ball, gone_m: Fl
     change. At the two states, the middles may have errors of up to ``off`` (K,) metres.
     """
     far = np.minimum(np.hypot(*one.middle), np.hypot(*two.middle)) + off
-    far = ABOVE * (far + gone_m * np.hypot(v[0].most, v[1].most))
+    far = ABOVE * (far + travel_m * np.hypot(v[0].most, v[1].most))
     ends = [between(a, b, off) for a, b in zip(one.middle, two.middle, strict=True)]
     x, y = (Ball(end.mid, ABOVE * (far + end.most)) for end in ends)
     for _ in range(_PASSES):
         u, before = (v[0] + turn * y, v[1] - turn * x), (x, y)
-        x, y = (Ball(end.mid, np.fmin(ball.rad, np.maximum(end.rad, ABOVE * (0.5 * rate.most * gone_m + off))))
+        x, y = (Ball(end.mid, np.fmin(ball.rad, np.maximum(end.rad, ABOVE * (0.5 * rate.most * travel_m + off))))
                 for end, ball, rate in zip(ends, (x, y), u, strict=True))
         if _settled(before, (x, y)):
             break

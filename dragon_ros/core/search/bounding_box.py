@@ -328,7 +328,7 @@ class HandleRanges:
         run, law = scene.run, scene.head
         inside = [t_s for t_s in law.breaks_s if run.start_s < t_s < compile_scene(scene).end.t_s]
         self._times_s = [run.start_s, *inside, compile_scene(scene).end.t_s]
-        self._gone_m: list[float] = [law.travelled_m(t_s) for t_s in self._times_s]
+        self._travel_m: list[float] = [law.travelled_m(t_s) for t_s in self._times_s]
 
     @property
     def _model(self) -> Model:
@@ -341,7 +341,7 @@ class HandleRanges:
 
     @cached_property
     def _stops_m(self) -> list[float]:
-        least, most = min(self._gone_m), max(self._gone_m)
+        least, most = min(self._travel_m), max(self._travel_m)
         return [least, *self._model.leader.turning_m(least, most), most]
 
     @cached_property
@@ -355,14 +355,14 @@ class HandleRanges:
         """The smallest and the largest distance of each front handle along the track (m, shape (2, N))."""
         return np.stack((np.min(self._at_stops_m, axis=0), np.max(self._at_stops_m, axis=0)))
 
-    def chain(self, gone_m: float) -> Chain:
-        """Return the chain after the leader has travelled ``gone_m``."""
-        return self._model.march(gone_m)
+    def chain(self, travel_m: float) -> Chain:
+        """Return the chain after the leader has travelled ``travel_m``."""
+        return self._model.march(travel_m)
 
     def when_s(self, handle: int, along_m: float) -> float:
         """Return a time at which a handle is at a given distance along the track."""
         gone = self._leader_m(handle, along_m)
-        pairs = zip(pairwise(self._times_s), pairwise(self._gone_m), strict=True)
+        pairs = zip(pairwise(self._times_s), pairwise(self._travel_m), strict=True)
         times, ends_m = min(pairs, key=lambda pair: max(min(pair[1]) - gone, gone - max(pair[1])))
         low, high = (end_m - gone for end_m in ends_m)
         if low * high >= 0:
@@ -386,9 +386,9 @@ class HandleRanges:
                 return illinois(beyond_m, stops[n], stops[n + 1], *over[n:n + 2])
         return stops[nearest]
 
-    def _handle_m(self, handle: int, gone_m: float) -> float:
+    def _handle_m(self, handle: int, travel_m: float) -> float:
         """Return a handle's distance along the track when the leader has travelled a given distance."""
         leader = self._model.leader
         links, index = (leader.links_m[:handle], -1) if leader.direction == BEHIND else (leader.links_m[handle:], 0)
-        chain = marched(leader.track, links, leader.place(gone_m), leader.direction)
+        chain = marched(leader.track, links, leader.place(travel_m), leader.direction)
         return float(self.track.distances(chain.segment, chain.u)[index])

@@ -105,7 +105,7 @@ class _ContactSearch:
         proof = self.certificate(touch.holds_if_clear(domain, cleared_m))
         speed = touch.slope * domain.speed_m_s(touch.t_s)
         unsure_s = domain.gap_error_m / speed if speed > 0 else inf
-        obstacle, seen = self._seen(touch.pair, domain.benches(touch.gone_m))
+        obstacle, seen = self._seen(touch.pair, domain.benches(touch.travel_m))
         return Contact(touch.t_s, touch.pair[:1] if obstacle else touch.pair, seen, touch.grazing_m,
                        tuple(dict.fromkeys(self._named(each) for each in touch.simultaneous
                                            if self._named(each) != self._named(touch.pair))),
@@ -117,7 +117,7 @@ class _ContactSearch:
         Return the position up to which everything is clear, and the first bracket that is not clear.
         """
         sense = self._domain.sense
-        stop_m = sense * max(sense * clear_m, sense * touch.gone_m - _CLOSER * touch.slack_m)
+        stop_m = sense * max(sense * clear_m, sense * touch.travel_m - _CLOSER * touch.slack_m)
         hits = [hit for part in self._parts if (hit := part.prove(stop_m))]
         cleared_m = sense * min((sense * hit.clear_m for hit in hits), default=sense * stop_m)
         return cleared_m, min(hits, key=lambda hit: sense * hit.other_m, default=None)

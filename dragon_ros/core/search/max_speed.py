@@ -56,7 +56,7 @@ _SURE = 1.98            # product of curvature and link below which a link's arc
 class MaxSpeed:
     """The ratio of the largest speed of any handle in a run to the leader's largest speed, and where it occurs.
 
-    ``gone_m`` is the distance that the leader has travelled since t = 0 when this speed occurs, and ``along_m`` is the
+    ``gone_m`` is the distance that the leader has travelled since t = 0 when this speed occurs, and ``along_m`` the
     leader's distance along the track at the same time (for an S-turn, from the entry). If several handles are equally
     fast, ``handle`` is the first of them. No handle exceeds ``bound`` times the leader's largest speed anywhere in the
     run; this is proved, including the rounding of speeds. ``looks`` is the number of states evaluated.
@@ -134,7 +134,7 @@ class _Speeding(InOrder):
         """Return short first time intervals (s, shape (2, M)), cut at the law's breaks and where handles turn back."""
         start_s, stop_s = self._scene.run.start_s, compile_scene(self._scene).end.t_s
         times = [start_s, *(t_s for t_s in self._scene.head.breaks_s if start_s < t_s < stop_s), stop_s]
-        gone = [self._gone_m(t_s) for t_s in times]
+        gone = [self._travel_m(t_s) for t_s in times]
         cuts = self._leader.turning_m(min(gone), max(gone))
         if isfinite(self._sure_m):
             cuts.append(self._sure_m - _APART_M - self._leader.start_m)
@@ -153,24 +153,24 @@ class _Speeding(InOrder):
         return np.concatenate([np.stack((one[:-1], one[1:])) for one in nodes], axis=1)
 
     def _count(self, low_s: float, high_s: float) -> int:
-        ends = [self._gone_m(t_s) for t_s in (low_s, high_s)]
+        ends = [self._travel_m(t_s) for t_s in (low_s, high_s)]
         if not self._links(max(ends)):
             return 1        # the leader is the fastest handle there
         return max(1, ceil(abs(ends[1] - ends[0]) / _SPACING_M))
 
-    def _gone_m(self, t_s: float) -> float:
+    def _travel_m(self, t_s: float) -> float:
         return float(self._scene.head.travelled_m(t_s))
 
-    def _when_s(self, gone_m: float, low_s: float, high_s: float) -> float:
+    def _when_s(self, travel_m: float, low_s: float, high_s: float) -> float:
         """Return when the leader has travelled a distance, within a period in which it moves in one direction."""
-        return illinois(lambda t_s: self._gone_m(t_s) - gone_m, low_s, high_s, self._gone_m(low_s) - gone_m,
-                        self._gone_m(high_s) - gone_m)
+        return illinois(lambda t_s: self._travel_m(t_s) - travel_m, low_s, high_s, self._travel_m(low_s) - travel_m,
+                        self._travel_m(high_s) - travel_m)
 
-    def _links(self, gone_m: float) -> int:
+    def _links(self, travel_m: float) -> int:
         """Return the number of links behind the leader whose rear handles may be faster than all preceding handles."""
         if self._leader.direction != BEHIND:
             return self._leader.links_m.size
-        beyond = self._leader.start_m + gone_m - self._sure_m
+        beyond = self._leader.start_m + travel_m - self._sure_m
         return int(np.searchsorted(self._behind_m[:-1], beyond))
 
     def _bounds(self, intervals: Floats) -> Floats:
@@ -186,13 +186,13 @@ class _Speeding(InOrder):
         law = self._law.between(*intervals)
         for rows, speed, t_s in ((starts, law.start, intervals[0]), (stops, law.stop, intervals[1])):
             self._note(states.log[rows] + speed[:, None], t_s)
-        back = states.gone_m[starts] > states.gone_m[stops]
+        back = states.travel_m[starts] > states.travel_m[stops]
         tops = bounds(states.rows(np.where(back, stops, starts)), states.rows(np.where(back, starts, stops)),
                       law.swapped(back))
         with np.errstate(over='ignore'):
             off = self._relative(states) * np.exp(2 * tops)
         sure = np.where(off < 1, tops + off, np.inf)     # otherwise rounding may hide an unbounded speed
-        return np.stack((np.max(tops, axis=1), np.max(sure, axis=1), states.gone_m[starts], states.gone_m[stops]))
+        return np.stack((np.max(tops, axis=1), np.max(sure, axis=1), states.travel_m[starts], states.travel_m[stops]))
 
     def _relative(self, states: 'SpeedStates') -> Floats:
         """Return the largest position error from the leader to each handle (K+1,), divided by the mean link length."""
@@ -299,18 +299,18 @@ class SpeedStates:
     links_m: Floats
     bends: tuple[Floats, Floats]
     direction: int
-    gone_m: Floats
+    travel_m: Floats
     log: Floats
     links: LinkStates
     size_m: Floats
 
     def rows(self, index: Ints) -> 'SpeedStates':
         """Return a subset of the states."""
-        return replace(self, gone_m=self.gone_m[index], log=self.log[index], links=self.links.rows(index))
+        return replace(self, travel_m=self.travel_m[index], log=self.log[index], links=self.links.rows(index))
 
 
-def states_of(chains: Chain, gone_m: Floats, direction: int) -> SpeedStates:
-    """Return the states of M chains whose leaders have travelled the distances ``gone_m``."""
+def states_of(chains: Chain, travel_m: Floats, direction: int) -> SpeedStates:
+    """Return the states of M chains whose leaders have travelled the distances ``travel_m``."""
     track, segment, u = chains.track, chains.segment, chains.u
     axis = RigidLinks(chains.p, chains.links_m, chains.headings, chains.leader).axis
     links = link_states(track.distances(segment, u), segment, track.curvatures(segment, u), chains.headings, axis,
@@ -318,7 +318,7 @@ def states_of(chains: Chain, gone_m: Floats, direction: int) -> SpeedStates:
     with np.errstate(divide='ignore'):      # a handle is at rest when it turns back
         log = np.cumsum(np.log(np.abs(np.cos(links.near))) - np.log(np.abs(np.cos(links.far))), axis=1)
     order = slice(None, None, -direction)
-    return SpeedStates(chains.links_m[order], track.bends, direction, gone_m, np.insert(log, 0, 0.0, axis=1), links,
+    return SpeedStates(chains.links_m[order], track.bends, direction, travel_m, np.insert(log, 0, 0.0, axis=1), links,
                        np.max(np.hypot(chains.p[..., 0], chains.p[..., 1]), axis=0)[order])
 
 
@@ -328,7 +328,7 @@ def bounds(a: SpeedStates, b: SpeedStates, law: LawBetween) -> Floats:
         r, v_rate = speeds_enclosed(a.links, b.links, a.links_m, a.bends, -a.direction)
         slope = -a.direction * v_rate + Ball(law.slope.mid[:, None], law.slope.rad[:, None])
         low, high = slope.mid - slope.rad, slope.mid + slope.rad
-        start, stop, step = a.log + law.start[:, None], b.log + law.stop[:, None], (b.gone_m - a.gone_m)[:, None]
+        start, stop, step = a.log + law.start[:, None], b.log + law.stop[:, None], (b.travel_m - a.travel_m)[:, None]
         meet = start + high * (stop - start - low * step) / (high - low)
         lines = np.maximum(np.maximum(start, stop), np.where((low < 0) & (high > 0), meet, -np.inf))
         most = np.insert(np.cumsum(np.log(r.most), axis=1), 0, 0.0, axis=1)

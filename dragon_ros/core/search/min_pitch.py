@@ -126,10 +126,10 @@ class _Runs:
             return Bracket(domain.start_m, domain.start_m)
         return WholeChain(domain).clear(domain.stop_m)
 
-    def closest(self, domain: SearchDomain, pair: Pair, gone_m: float) -> _Closest:
+    def closest(self, domain: SearchDomain, pair: Pair, travel_m: float) -> _Closest:
         """Return the smallest gap of a pair within a bench's length of a leader position."""
         reach_m = _AROUND * float(np.max(domain.dragon.bench_lengths_m))
-        ends = (np.clip([end], domain.start_m, domain.stop_m) for end in (gone_m - reach_m, gone_m + reach_m))
+        ends = (np.clip([end], domain.start_m, domain.stop_m) for end in (travel_m - reach_m, travel_m + reach_m))
 
         def gaps(places: Floats) -> Floats:
             return np.array([domain.gap(pair, place) for place in places.tolist()])
@@ -217,7 +217,7 @@ def _overlapping(runs: _Runs, low_m: float, within_m: float) -> tuple[float, _Cl
         bracket = runs.bracket(domain)
         if bracket:
             touch = touch_in(domain, bracket)
-            closest = runs.closest(domain, touch.pair, touch.gone_m)
+            closest = runs.closest(domain, touch.pair, touch.travel_m)
             if closest.gap_m < -domain.gap_error_m:
                 return low_m, closest
         low_m, step_m = low_m - step_m, 2 * step_m

@@ -180,25 +180,25 @@ def _repeated(domain: SearchDomain, repeats: Repeats, dips: list[_Dip], phase: t
     if not out:
         return []
     same, pairs, handles, along, guesses = zip(*out, strict=True)
-    gone_m = _gone_at(domain, np.array(handles), np.array(along), np.array(guesses), phase).tolist()
-    return [_Dip(pair, place, dip.gap_m) for dip, pair, place in zip(same, pairs, gone_m, strict=True)]
+    travel_m = _gone_at(domain, np.array(handles), np.array(along), np.array(guesses), phase).tolist()
+    return [_Dip(pair, place, dip.gap_m) for dip, pair, place in zip(same, pairs, travel_m, strict=True)]
 
 
 def _gone_at(domain: SearchDomain, handle: Ints, along_m: Floats, guess_m: Floats,
              within: tuple[float, float]) -> Floats:
     """Return the leader positions at which handles (M,) are at distances (M,) along the track."""
-    row, gone_m = np.arange(handle.size), np.clip(guess_m, min(within), max(within))
+    row, travel_m = np.arange(handle.size), np.clip(guess_m, min(within), max(within))
     missing = np.zeros(handle.size)
     for _ in range(_NEWTON):
-        chain = domain.chains(gone_m)
+        chain = domain.chains(travel_m)
         speed = np.sum(chain.velocities(np.ones(handle.size)) * chain.headings, axis=-1)[row, handle]
         missing = along_m - domain.track.distances(chain.segment, chain.u)[row, handle]
         if np.all(np.abs(missing) < _THERE_M):
             break
-        gone_m = np.clip(gone_m + missing / np.where(speed == 0, 1.0, speed), min(within), max(within))
+        travel_m = np.clip(travel_m + missing / np.where(speed == 0, 1.0, speed), min(within), max(within))
     for n in np.flatnonzero(np.abs(missing) >= _THERE_M).tolist():
-        gone_m[n] = domain.gone_at(int(handle[n]), float(along_m[n]), within)
-    return gone_m
+        travel_m[n] = domain.travel_at(int(handle[n]), float(along_m[n]), within)
+    return travel_m
 
 
 def _gaps(domain: SearchDomain, chain: Chain, pairs: Ints) -> Floats:
@@ -278,10 +278,10 @@ def lowest(function: Callable[[Floats], Floats], left: Floats, right: Floats) ->
 def _at_reversals(simulation: Simulation, travel: RangeOfTravel, below_m: float) -> Iterator[NearMiss]:
     """Yield the near misses at the positions where the leader reverses."""
     for t_s, sense in travel.reversals:
-        domain, gone_m = SearchDomain(simulation, travel, sense, lambda states: None), travel.gone_m(t_s)
-        benches, earlier = domain.benches(gone_m), domain.benches(gone_m - sense * _CLOSING_M)
+        domain, travel_m = SearchDomain(simulation, travel, sense, lambda states: None), travel.travel_m(t_s)
+        benches, earlier = domain.benches(travel_m), domain.benches(travel_m - sense * _CLOSING_M)
         unsure_m = 2 * domain.tolerance_m
-        i, j = candidates(domain.chain(gone_m).p, benches, below_m)
+        i, j = candidates(domain.chain(travel_m).p, benches, below_m)
         gap, before = gaps(benches, i, j), gaps(earlier, i, j)
         for n in np.flatnonzero((gap < below_m) & (before - gap > unsure_m)).tolist():
             yield NearMiss((int(i[n]), int(j[n])), t_s, float(gap[n]))

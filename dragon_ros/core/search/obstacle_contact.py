@@ -156,7 +156,7 @@ class Obstacles:
         domain, first = self._domain, None
         while hits:
             bench, (clear_m, other_m, bound_m) = hits[0]
-            one, two = (domain.gone_at(bench, along_m, phase) for along_m in (clear_m, other_m))
+            one, two = (domain.travel_at(bench, along_m, phase) for along_m in (clear_m, other_m))
             if first is None or domain.sense * two < domain.sense * first.other_m:
                 first = Bracket(one, two, bound_m)
             here, there = domain.along_m(phase[0]), domain.along_m(first.other_m)

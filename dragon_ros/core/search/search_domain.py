@@ -62,25 +62,25 @@ class RangeOfTravel:
         """Times between which the leader moves in one direction."""
         return [self.start_s, *(t_s for t_s in self.law.breaks_s if self.start_s < t_s < self.end_s), self.end_s]
 
-    def gone_m(self, t_s: float) -> float:
+    def travel_m(self, t_s: float) -> float:
         """Return the distance travelled by the leader since t = 0."""
         return float(self.law.travelled_m(t_s))
 
     def farthest_s(self, sense: int) -> float:
         """Return the first time when the leader is furthest forward (``sense`` 1) or furthest back (-1)."""
-        return max(self._times, key=lambda t_s: sense * self.gone_m(t_s))
+        return max(self._times, key=lambda t_s: sense * self.travel_m(t_s))
 
     @property
     def senses(self) -> list[int]:
         """The senses in which the leader moves beyond its start; empty if it rests."""
-        here = self.gone_m(self.start_s)
-        return [sense for sense in (1, -1) if sense * (self.gone_m(self.farthest_s(sense)) - here) > 0]
+        here = self.travel_m(self.start_s)
+        return [sense for sense in (1, -1) if sense * (self.travel_m(self.farthest_s(sense)) - here) > 0]
 
     def onwards_m(self, t_s: float, sense: int) -> float:
         """Return how far the leader moves in one sense after a time until it turns or rests, even beyond its run."""
-        here_m, most_m, last_s = self.gone_m(t_s), 0.0, t_s
+        here_m, most_m, last_s = self.travel_m(t_s), 0.0, t_s
         for last_s in (break_s for break_s in self.law.breaks_s if break_s > t_s):
-            on_m = sense * (self.gone_m(last_s) - here_m)
+            on_m = sense * (self.travel_m(last_s) - here_m)
             if on_m <= most_m:
                 return most_m
             most_m = on_m
@@ -91,7 +91,7 @@ class RangeOfTravel:
         """Times at which the leader reverses, and its direction before each reversal; a rest is not a reversal."""
         out, going, turned_s = list[tuple[float, int]](), 0, self.start_s
         for before, after in pairwise(self._times):
-            moved = self.gone_m(after) - self.gone_m(before)
+            moved = self.travel_m(after) - self.travel_m(before)
             sense = (moved > 0) - (moved < 0)
             if sense and going and sense != going:
                 out.append((turned_s, going))
@@ -101,22 +101,22 @@ class RangeOfTravel:
 
     def passages_s(self, places_m: Sequence[float]) -> list[list[float]]:
         """Return, for each position, the times at which the leader passes it, except where the leader may reverse."""
-        legs = [(before, after, self.gone_m(before), self.gone_m(after)) for before, after in pairwise(self._times)]
+        legs = [(before, after, self.travel_m(before), self.travel_m(after)) for before, after in pairwise(self._times)]
         return [[self._passage_s(place, leg) for leg in legs if min(leg[2:]) <= place <= max(leg[2:]) and
                  leg[2] != place != leg[3]] for place in places_m]
 
-    def _passage_s(self, gone_m: float, leg: tuple[float, float, float, float]) -> float:
+    def _passage_s(self, travel_m: float, leg: tuple[float, float, float, float]) -> float:
         before, after, one, two = leg
-        return illinois(lambda t_s: self.gone_m(t_s) - gone_m, before, after, one - gone_m, two - gone_m)
+        return illinois(lambda t_s: self.travel_m(t_s) - travel_m, before, after, one - travel_m, two - travel_m)
 
-    def arrival_s(self, gone_m: float, sense: int) -> float:
+    def arrival_s(self, travel_m: float, sense: int) -> float:
         """Return when the leader, moving in one sense, first reaches a distance or comes nearest to it."""
         if isinstance(self.law, Head):
-            return float(np.clip(gone_m / self.law.speed_m_s, self.start_s, self.end_s)) if self.law.speed_m_s else (
+            return float(np.clip(travel_m / self.law.speed_m_s, self.start_s, self.end_s)) if self.law.speed_m_s else (
                 self.start_s)
 
         def beyond(t_s: float) -> tuple[float, float]:
-            return sense * (self.gone_m(t_s) - gone_m), sense * self.law.speed_at_m_s(t_s)
+            return sense * (self.travel_m(t_s) - travel_m), sense * self.law.speed_at_m_s(t_s)
 
         if beyond(self.start_s)[0] >= 0:        # the leader may rest at its start for a while
             return self.start_s
@@ -154,7 +154,7 @@ class SearchDomain:
         self.near_m = _NEAR * self.slack_m
         self._kept: dict[float, Chain] = {}
         stop_s = travel.farthest_s(sense)
-        self.start_m, self.stop_m = travel.gone_m(travel.start_s), travel.gone_m(stop_s)
+        self.start_m, self.stop_m = travel.travel_m(travel.start_s), travel.travel_m(stop_s)
 
     @cached_property
     def around(self) -> Optional['Surroundings']:
@@ -169,24 +169,24 @@ class SearchDomain:
         self.states += states
         self._tell(states)
 
-    def chain(self, gone_m: float) -> Chain:
+    def chain(self, travel_m: float) -> Chain:
         """Return all handles when the leader has travelled a distance; the last few results are cached."""
-        if gone_m not in self._kept:
+        if travel_m not in self._kept:
             self._kept = dict([*self._kept.items()][1 - _KEPT:])
-            self._kept[gone_m] = self.simulation.model.march(gone_m)
-        return self._kept[gone_m]
+            self._kept[travel_m] = self.simulation.model.march(travel_m)
+        return self._kept[travel_m]
 
-    def chains(self, gone_m: Floats) -> Chain:
+    def chains(self, travel_m: Floats) -> Chain:
         """Return all handles at many leader positions (M,)."""
-        if gone_m.size <= _FEW:
-            return stack([self.chain(one) for one in gone_m.tolist()])
-        if gone_m.size > _MANY:
-            return self.simulation.model.place_many(gone_m)
-        return marched_many(self.track, self.dragon.link_lengths_m, self.leader.places(gone_m), self.leader.direction)
+        if travel_m.size <= _FEW:
+            return stack([self.chain(one) for one in travel_m.tolist()])
+        if travel_m.size > _MANY:
+            return self.simulation.model.place_many(travel_m)
+        return marched_many(self.track, self.dragon.link_lengths_m, self.leader.places(travel_m), self.leader.direction)
 
-    def benches(self, gone_m: float) -> Benches:
+    def benches(self, travel_m: float) -> Benches:
         """Return all benches when the leader has travelled a distance."""
-        chain = self.chain(gone_m)
+        chain = self.chain(travel_m)
         return benches_of(chain, self.dragon, axes_of(chain))
 
     def phases(self, start_m: float, stop_m: float) -> list[tuple[float, float]]:
@@ -194,39 +194,39 @@ class SearchDomain:
         turns = self.leader.turning_m(start_m, stop_m)[::1 if start_m < stop_m else -1]
         return [] if start_m == stop_m else [*pairwise(dict.fromkeys([start_m, *turns, stop_m]))]
 
-    def along_m(self, gone_m: float) -> Floats:
+    def along_m(self, travel_m: float) -> Floats:
         """Return the distances (N+1,) of all handles along the track."""
-        chain = self.chain(gone_m)
+        chain = self.chain(travel_m)
         return self.track.distances(chain.segment, chain.u)
 
-    def heads_m(self, gone_m: Floats) -> Floats:
+    def heads_m(self, travel_m: Floats) -> Floats:
         """Return the distances of the head along the track at leader positions (...)."""
         if self.leader.direction == BEHIND:
-            return np.asarray(self.leader.start_m + gone_m)
-        chain = self.chains(gone_m.ravel())
-        return self.track.distances(chain.segment[:, 0], chain.u[:, 0]).reshape(gone_m.shape)
+            return np.asarray(self.leader.start_m + travel_m)
+        chain = self.chains(travel_m.ravel())
+        return self.track.distances(chain.segment[:, 0], chain.u[:, 0]).reshape(travel_m.shape)
 
-    def gone_at(self, bench: int, along_m: float, within: tuple[float, float]) -> float:
+    def travel_at(self, bench: int, along_m: float, within: tuple[float, float]) -> float:
         """Return the distance travelled by the leader when a bench's front handle is ``along_m`` along the track.
 
         The handle must move in one direction between the two leader positions ``within``. If the handle never reaches
         the distance there, the nearer of these two positions is returned.
         """
         if bench == 0 and self.leader.direction == BEHIND:
-            gone = self.leader.gone_m(self.track.place_at(along_m))
+            gone = self.leader.travel_m(self.track.place_at(along_m))
             return min(max(gone, min(within)), max(within))
 
-        def beyond(gone_m: float) -> float:
-            return float(self.along_m(gone_m)[bench]) - along_m
+        def beyond(travel_m: float) -> float:
+            return float(self.along_m(travel_m)[bench]) - along_m
 
         low, high = (beyond(end) for end in within)
         if low == 0 or (low * high > 0 and abs(low) <= abs(high)):
             return within[0]
         return within[1] if high == 0 or low * high > 0 else illinois(beyond, *within, low, high)
 
-    def near(self, gone_m: float) -> tuple[Ints, Floats]:
+    def near(self, travel_m: float) -> tuple[Ints, Floats]:
         """Return the pairs (M, 2) that can touch at a leader position, and their gaps."""
-        chain = self.chain(gone_m)
+        chain = self.chain(travel_m)
         benches = benches_of(chain, self.dragon, axes_of(chain))
         i, j = candidates(chain.p, benches)
         pairs, gap_m = np.stack((i, j), axis=1), gaps(benches, i, j)
@@ -240,12 +240,12 @@ class SearchDomain:
         """Return the edge of a pair, or None for two benches."""
         return pair[1] - self.dragon.benches if pair[1] >= self.dragon.benches else None
 
-    def gap(self, pair: tuple[int, int], gone_m: float) -> float:
+    def gap(self, pair: tuple[int, int], travel_m: float) -> float:
         """Return the gap of a pair at a leader position; only the handles from the leader to the pair are placed."""
         edge = self.edge_of(pair)
         last_bench = pair[0] if edge is not None else pair[1]
         first, last = (0, last_bench + 1) if self.leader.direction == BEHIND else (pair[0], self.dragon.benches)
-        chain = marched(self.track, self.dragon.link_lengths_m[first:last], self.leader.place(gone_m),
+        chain = marched(self.track, self.dragon.link_lengths_m[first:last], self.leader.place(travel_m),
                         self.leader.direction)
         half_length = 0.5 * self.dragon.bench_lengths_m[first:last]
         centre = 0.5 * (chain.p[:-1] + chain.p[1:])
@@ -260,12 +260,12 @@ class SearchDomain:
         if high > 0 or bracket.clear_m == bracket.other_m:
             return bracket.other_m
         return bracket.clear_m if low <= 0 else illinois(
-            lambda gone_m: self.gap(pair, gone_m), *bracket[:2], low, high)
+            lambda travel_m: self.gap(pair, travel_m), *bracket[:2], low, high)
 
-    def slope(self, pair: tuple[int, int], gone_m: float) -> float:
+    def slope(self, pair: tuple[int, int], travel_m: float) -> float:
         """Return the decrease of a gap per metre of leader travel."""
         (low, high), step_m = sorted((self.start_m, self.stop_m)), _STEP * self.slack_m
-        early, late = max(low, gone_m - step_m), min(high, gone_m + step_m)
+        early, late = max(low, travel_m - step_m), min(high, travel_m + step_m)
         return self.sense * (self.gap(pair, early) - self.gap(pair, late)) / (late - early) if late > early else 0.0
 
     def slack_at_m(self, t_s: float, slope: float) -> float:
@@ -277,17 +277,17 @@ class SearchDomain:
         slow_m = 2 * self.tolerance_m / slope if slope > 0 else 0.0
         return min(max(self.slack_m, _ULPS * ulp(t_s) * self.speed_m_s(t_s), slow_m), _WIDEST * self.slack_m)
 
-    def time_s(self, gone_m: float) -> float:
+    def time_s(self, travel_m: float) -> float:
         """Return when the leader has first travelled a distance."""
-        return self._travel.arrival_s(gone_m, self.sense)
+        return self._travel.arrival_s(travel_m, self.sense)
 
     def speed_m_s(self, t_s: float) -> float:
         """Return the leader's speed."""
         return abs(self.scene.head.speed_at_m_s(t_s))
 
-    def gone_m(self, t_s: float) -> float:
+    def travel_m(self, t_s: float) -> float:
         """Return the distance travelled by the leader at a time."""
-        return self._travel.gone_m(t_s)
+        return self._travel.travel_m(t_s)
 
     def onwards_m(self, t_s: float) -> float:
         """Return how far the leader moves on after a time until it turns or rests or the model ends; 0 in an empty run.
@@ -296,10 +296,10 @@ class SearchDomain:
         """
         if self.start_m == self.stop_m:
             return 0.0
-        left_m = self.left_m(self.gone_m(t_s), self.sense)
+        left_m = self.left_m(self.travel_m(t_s), self.sense)
         return max(0.0, min(left_m, self._travel.onwards_m(t_s, self.sense)))
 
-    def left_m(self, gone_m: float, sense: int) -> float:
+    def left_m(self, travel_m: float, sense: int) -> float:
         """Return how far the model continues from a leader position in one sense."""
         limit = self.simulation.model.limits[sense > 0]
-        return sense * (limit.gone_m - gone_m) if limit else inf
+        return sense * (limit.travel_m - travel_m) if limit else inf

@@ -25,7 +25,7 @@ class Touch:
     """
 
     pair: Pair
-    gone_m: float
+    travel_m: float
     t_s: float
     slope: float
     slack_m: float
@@ -35,7 +35,7 @@ class Touch:
 
     def holds_if_clear(self, domain: SearchDomain, cleared_m: float) -> bool:
         """Return whether the claim is proved if nothing touches up to a leader position."""
-        return self.holds and domain.sense * (domain.gone_m(self.t_s) - cleared_m) <= self.slack_m
+        return self.holds and domain.sense * (domain.travel_m(self.t_s) - cleared_m) <= self.slack_m
 
 
 def touch_in(domain: SearchDomain, bracket: Bracket) -> Touch:
@@ -51,16 +51,16 @@ def touch_in(domain: SearchDomain, bracket: Bracket) -> Touch:
 
 def _contact(domain: SearchDomain, roots: list[tuple[float, Pair]]) -> Touch | None:
     """Return the contact of the first of some pairs, or None if the leader turns back before they overlap."""
-    (gone_m, pair), *later = roots
-    t_s, slope = domain.time_s(gone_m), domain.slope(pair, gone_m)
+    (travel_m, pair), *later = roots
+    t_s, slope = domain.time_s(travel_m), domain.slope(pair, travel_m)
     slack_m, onwards_m = domain.slack_at_m(t_s, slope), domain.onwards_m(t_s)
-    after_m = domain.gone_m(t_s) + domain.sense * min(slack_m, onwards_m)
+    after_m = domain.travel_m(t_s) + domain.sense * min(slack_m, onwards_m)
     overlaps = domain.gap(pair, after_m) < -domain.error_m
     if not overlaps and onwards_m < slack_m:
         return None
     unsure_m = domain.gap_error_m / slope if slope > 0 else np.inf
-    at_once = tuple(other for place, other in later if domain.sense * (place - gone_m) <= unsure_m)
-    return Touch(pair, gone_m, t_s, slope, slack_m, overlaps, None, at_once)
+    at_once = tuple(other for place, other in later if domain.sense * (place - travel_m) <= unsure_m)
+    return Touch(pair, travel_m, t_s, slope, slack_m, overlaps, None, at_once)
 
 
 def _ahead(domain: SearchDomain, bracket: Bracket) -> list[tuple[float, Pair]]:
@@ -70,8 +70,8 @@ def _ahead(domain: SearchDomain, bracket: Bracket) -> list[tuple[float, Pair]]:
         ahead = domain.sense * min(domain.sense * ahead, domain.sense * domain.stop_m)
         roots = _roots(domain, Bracket(bracket.other_m, ahead)) if ahead != bracket.other_m else []
         if roots:
-            (gone_m, pair), gap = roots[0], domain.gap(roots[0][1], bracket.other_m)
-            near = domain.sense * (gone_m - bracket.other_m) * domain.slope(pair, gone_m) <= _STEADY * gap
+            (travel_m, pair), gap = roots[0], domain.gap(roots[0][1], bracket.other_m)
+            near = domain.sense * (travel_m - bracket.other_m) * domain.slope(pair, travel_m) <= _STEADY * gap
             return roots if near else []
         if ahead == domain.stop_m:
             break
@@ -96,14 +96,14 @@ def _grazing(domain: SearchDomain, bracket: Bracket) -> Touch:
     pairs, gap = domain.near(bracket.other_m)
     closest, error_m = int(np.argmin(gap)), domain.tolerance_m
     least, (i, j) = float(gap[closest]), pairs[closest].tolist()
-    at_clear, gone_m = domain.gap((i, j), bracket.clear_m), bracket.other_m
+    at_clear, travel_m = domain.gap((i, j), bracket.clear_m), bracket.other_m
     if at_clear <= max(least, error_m):
-        gone_m = bracket.clear_m
+        travel_m = bracket.clear_m
     elif least <= error_m:
-        gone_m = illinois(lambda place: domain.gap((i, j), place) - error_m, *bracket[:2], at_clear - error_m,
+        travel_m = illinois(lambda place: domain.gap((i, j), place) - error_m, *bracket[:2], at_clear - error_m,
                           least - error_m)
     low = bracket.bound_m if np.isfinite(bracket.bound_m) else least
-    t_s = domain.time_s(gone_m)
-    near = abs(domain.gap((i, j), domain.gone_m(t_s))) + domain.error_m < domain.near_m
-    return Touch((i, j), gone_m, t_s, domain.slope((i, j), gone_m), domain.near_m, near,
+    t_s = domain.time_s(travel_m)
+    near = abs(domain.gap((i, j), domain.travel_m(t_s))) + domain.error_m < domain.near_m
+    return Touch((i, j), travel_m, t_s, domain.slope((i, j), travel_m), domain.near_m, near,
                  (min(low, least) - error_m, least + error_m))

@@ -36,7 +36,7 @@ def walk(scene, wanted, keep_s=10.0):
     """Return the ticks (t_s, speed) and the laws of a run in which the leader follows these commands."""
     law, rows, laws = None, [], []
     back, onwards = compile_scene(scene).model.limits
-    ends_m = back.gone_m if back else -inf, onwards.gone_m if onwards else inf
+    ends_m = back.travel_m if back else -inf, onwards.travel_m if onwards else inf
     for k, wish in enumerate(wanted):
         t_s = scene.run.time_ns(k) / NS
         if law is None:
@@ -80,7 +80,7 @@ def test_a_leader_says_which_end_it_brakes_before_while_it_does(wanted, end):
         seen.append(braked)
     first = seen.index(end)
     assert seen == [0] * first + [end] * (300 - first)
-    assert law.gone_m == pytest.approx(end * 2.0, abs=2 * SHORT_M)
+    assert law.travel_m == pytest.approx(end * 2.0, abs=2 * SHORT_M)
     assert next_law(law, 301 / 50, -wanted, (-2.0, 2.0))[1] == 0        # the leader may still move back
 
 
@@ -143,8 +143,8 @@ def test_what_is_walked_is_the_exact_integral_whatever_is_forgotten(speeds, keep
         law, whole = (one.walked_on(0.3 + n / 7, speed, keep) for one, keep in ((law, keep_s), (whole, 1e9)))
     exact = sum(((Fraction(t2) - Fraction(t1)) * (Fraction(v1) + Fraction(v2)) / 2
                  for (t1, v1), (t2, v2) in zip(whole.knots, whole.knots[1:], strict=False)), Fraction(0))
-    assert law.gone_m == whole.gone_m == law.travelled_m(law.knots[-1][0])
-    assert law.gone_m == pytest.approx(float(exact), rel=1e-15, abs=1e-16)
+    assert law.travel_m == whole.travel_m == law.travelled_m(law.knots[-1][0])
+    assert law.travel_m == pytest.approx(float(exact), rel=1e-15, abs=1e-16)
     assert len(law.knots) <= keep_s * 7 + 3         # memory does not grow with the run
     assert law.acceleration_at_m_s2(law.knots[-1][0]) == pytest.approx((speeds[-1] - ([0.0, *speeds])[-2]) * 7)
 

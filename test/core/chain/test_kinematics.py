@@ -118,9 +118,9 @@ def test_at_a_joint_accelerations_are_those_of_the_segment_being_entered(lead, s
     place = track.place_at(track.joints_m[0])
     if second:      # the leader is one link further along
         place = track.next(place, float(scene.dragon.link_lengths_m[0 if lead == 'head' else -1]), -model.direction)[0]
-    gone_m = model.leader.gone_m(place)
-    assert 0.5 < gone_m < 3.9
-    for t_s in (gone_m, 8.0 - gone_m):
+    travel_m = model.leader.travel_m(place)
+    assert 0.5 < travel_m < 3.9
+    for t_s in (travel_m, 8.0 - travel_m):
         chain = model.march(law.travelled_m(t_s))
         assert abs(track.distances(chain.segment, chain.u)[handle] - track.joints_m[0]) < 1e-12
         at, before, after = (accelerations(scene, t_s + off) for off in (0.0, -1e-7, 1e-7))

@@ -28,9 +28,9 @@ def test_led_by_the_tail_the_head_begins_at_the_very_end_of_its_track(length_m):
 def test_on_a_spiral_no_handle_is_further_out_than_the_bound_which_is_within_a_radian(benches, turns):
     simulation = compile_scene(Scene(Dragon(benches), Spiral(0.55, turns), run=Run(0, 1)))
     leader = simulation.model.leader
-    for gone_m in (0.0, 5.0):
-        far_m = np.max(np.hypot(*simulation.model.march(gone_m).p.T))
-        assert far_m <= leader.size_m((gone_m, 5.0)) <= far_m + 0.55 / (2 * pi)
+    for travel_m in (0.0, 5.0):
+        far_m = np.max(np.hypot(*simulation.model.march(travel_m).p.T))
+        assert far_m <= leader.size_m((travel_m, 5.0)) <= far_m + 0.55 / (2 * pi)
     assert leader.size_m((0.0, 5.0)) == leader.size_m((0.0, 0.0))       # the tail is furthest out at the start
     back_m = np.max(np.hypot(*simulation.model.march(-20.0).p.T))
     assert back_m <= leader.size_m((-20.0, 5.0)) <= back_m + 0.55 / (2 * pi)

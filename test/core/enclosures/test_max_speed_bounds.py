@@ -24,13 +24,13 @@ TRACKS = [(track_of(STurn()), -3.0, BEHIND), (track_of(STurn(ratio=0.6)), 0.0, B
           (track_of(STurn()), 40.0, AHEAD), (BENDY, 100.0, AHEAD)]
 
 
-def states(leader, gone_m):
-    places = leader.places(gone_m)
-    return states_of(marched_many(leader.track, leader.links_m, places, leader.direction), gone_m, leader.direction)
+def states(leader, travel_m):
+    places = leader.places(travel_m)
+    return states_of(marched_many(leader.track, leader.links_m, places, leader.direction), travel_m, leader.direction)
 
 
-def chain_at(leader, gone_m):
-    return marched(leader.track, leader.links_m, leader.place(gone_m), leader.direction)
+def chain_at(leader, travel_m):
+    return marched(leader.track, leader.links_m, leader.place(travel_m), leader.direction)
 
 
 def tops(leader, low_m, high_m):

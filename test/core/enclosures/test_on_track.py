@@ -35,9 +35,9 @@ TRACKS = {'turn': (track_of(STurn()), -3.0, BEHIND), 'turn back': (track_of(STur
 COUNT = 9       # number of positions in each interval, including its ends
 
 
-def sampled(leader, gone_m, links_m=LINKS):
+def sampled(leader, travel_m, links_m=LINKS):
     """Return chains at leader positions, the states of their links, and the handles' distances along the track."""
-    places = leader.places(gone_m)
+    places = leader.places(travel_m)
     chain = marched_many(leader.track, links_m, places, leader.direction)
     along_m, bend = leader.track.distances(chain.segment, chain.u), leader.track.curvatures(chain.segment, chain.u)
     return chain, link_states(along_m, chain.segment, bend, chain.headings, axes_of(chain), chain.leader), along_m
@@ -150,10 +150,10 @@ def test_angles_stay_in_their_enclosures_where_a_handle_passes_a_joint_half_way(
         assert holds(cos, np.cos(seen), 1e-11)
 
 
-@pytest.mark.parametrize(('travel_m', 'most_rad'), [(0.1, 0.1 / 4), (0.3, 0.3 / 4), (3.0, 2 * np.arcsin(1.65 / 8))])
-def test_before_any_pass_an_angle_is_known_to_what_link_and_track_turn_and_to_schurs_bound(travel_m, most_rad):
+@pytest.mark.parametrize(('further_m', 'most_rad'), [(0.1, 0.1 / 4), (0.3, 0.3 / 4), (3.0, 2 * np.arcsin(1.65 / 8))])
+def test_before_any_pass_an_angle_is_known_to_what_link_and_track_turn_and_to_schurs_bound(further_m, most_rad):
     leader = Leader(track_of(Composite((Arc(4.0, 700.0),))), np.array([1.65, 1.65]), 20.0, BEHIND)
-    _, states, _ = sampled(leader, np.array([0.0, travel_m]), leader.links_m)
+    _, states, _ = sampled(leader, np.array([0.0, further_m]), leader.links_m)
     moving = enclosed(states.rows([0]), states.rows([1]), leader.links_m, leader.track.bends, passes=0)
     for sin, cos in (moving.near, moving.far):      # a ball of angles around asin(l / 2 R) with this radius
         assert sin.rad == pytest.approx(np.cos(np.arcsin(1.65 / 8)) * most_rad + most_rad**2 / 2, rel=1e-3)
@@ -161,8 +161,8 @@ def test_before_any_pass_an_angle_is_known_to_what_link_and_track_turn_and_to_sc
 
 
 def test_a_link_on_a_circle_turns_exactly_as_far_as_the_bound_says():
-    radius_m, link_m, gone_m = 4.0, 1.65, np.array([0.3])
-    assert swing_rad(np.array([1 / radius_m]), link_m, 2 * gone_m) == pytest.approx(gone_m / radius_m)
+    radius_m, link_m, travel_m = 4.0, 1.65, np.array([0.3])
+    assert swing_rad(np.array([1 / radius_m]), link_m, 2 * travel_m) == pytest.approx(travel_m / radius_m)
 
 
 def test_a_link_turned_about_its_rear_handle_turns_exactly_as_far_as_the_bound_says():

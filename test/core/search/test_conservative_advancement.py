@@ -244,25 +244,25 @@ links_of = st.floats(0.3, 2.5)
 @examples(30)
 @given(st.integers(3, 14), links_of, links_of, st.floats(0.05, 0.5), tracks, st.sampled_from(['head', 'tail']),
        st.floats(0.05, 20), st.sampled_from([0.01, 0.1, 0.4]))
-def test_no_corner_leaves_a_line_by_more_than_the_bound(benches, head, body, width, track, lead, gone_m, travel_m):
+def test_no_corner_leaves_a_line_by_more_than_the_bound(benches, head, body, width, track, lead, travel_m, further_m):
     try:
         scene = Scene(Dragon(benches, 0.4 + head, 0.4 + body, width, 0.2), track, Head(1.0, lead), Run(0, 25))
         simulation = compile_scene(scene)
         domain = SearchDomain(simulation, RangeOfTravel.of(simulation), 1, lambda states: None)
-        assume(gone_m + travel_m < domain.stop_m)
+        assume(travel_m + further_m < domain.stop_m)
     except DragonError:     # the dragon does not fit the track
         assume(False)
     i, j = np.triu_indices(benches, 2)
-    most = np.stack(bounds_of(domain, gone_m, travel_m, i, j))
-    for place_m in np.linspace(gone_m, gone_m + travel_m, 12)[1:-1]:
-        step = 0.1 * travel_m * 0.5
+    most = np.stack(bounds_of(domain, travel_m, further_m, i, j))
+    for place_m in np.linspace(travel_m, travel_m + further_m, 12)[1:-1]:
+        step = 0.1 * further_m * 0.5
         before, here, after = (seen(domain, place_m + k * step, i, j) for k in (-1, 0, 1))
         second = np.max(np.hypot(*(before - 2 * here + after)), axis=-1) / step**2
         assert np.all(second <= most * (1 + 1e-6) + 5e-11 / step**2)
 
 
-def bounds_of(domain, gone_m, travel_m, i, j):
-    chain = domain.chains(np.array([gone_m, gone_m + travel_m]))
+def bounds_of(domain, travel_m, further_m, i, j):
+    chain = domain.chains(np.array([travel_m, travel_m + further_m]))
     along_m, bend = domain.track.distances(chain.segment, chain.u), domain.track.curvatures(chain.segment, chain.u)
     axis, row = axes_of(chain), np.zeros_like(i)
     ends = [link_states(along_m[[n]], chain.segment[[n]], bend[[n]], chain.headings[[n]], axis[[n]], chain.leader)
@@ -271,12 +271,12 @@ def bounds_of(domain, gone_m, travel_m, i, j):
     pairs = [views(chain.p[[n]], axis[[n]], chain.headings[[n]], row, i, j) for n in (0, 1)]
     dragon = domain.dragon
     arm = np.hypot(0.5 * dragon.bench_lengths_m, 0.5 * dragon.width_m)
-    return second_derivatives(moving, *pairs, row, i, j, np.full(i.size, travel_m), arm)
+    return second_derivatives(moving, *pairs, row, i, j, np.full(i.size, further_m), arm)
 
 
-def seen(domain, gone_m, i, j):
+def seen(domain, travel_m, i, j):
     """Return second benches' corners in first benches' frames, and vice versa, with coordinates along and across."""
-    benches = domain.benches(gone_m)
+    benches = domain.benches(travel_m)
     out = []
     for one, two in ((i, j), (j, i)):
         u, corner = benches.axis[one][:, None], benches.corners[two] - benches.centre[one][:, None]
@@ -291,11 +291,12 @@ def test_on_a_circle_nothing_moves_as_benches_see_each_other(lead):
     assert np.max(bounds_of(domain, 0.5, 0.3, *np.triu_indices(8, 2))) < 1e-5
 
 
-def motions_of(domain, gone_m, travel_m, count=40):
+def motions_of(domain, travel_m, further_m, count=40):
     """Return the bounds on the travel of benches on an interval, and the sampled travel of their farthest corners."""
     intervals = conservative_advancement.ChainIntervals(domain)
-    samples = intervals.sample(np.array([gone_m, gone_m + travel_m]), np.zeros(2, dtype=np.int64))
-    corners = np.stack([domain.benches(place_m).corners for place_m in np.linspace(gone_m, gone_m + travel_m, count)])
+    samples = intervals.sample(np.array([travel_m, travel_m + further_m]), np.zeros(2, dtype=np.int64))
+    places_m = np.linspace(travel_m, travel_m + further_m, count)
+    corners = np.stack([domain.benches(place_m).corners for place_m in places_m])
     most = intervals._moved(samples.rows(np.array([0])), samples.rows(np.array([1])))[0]
     return most, np.max(np.sum(np.linalg.norm(np.diff(corners, axis=0), axis=-1), axis=0), axis=-1)
 
@@ -309,13 +310,13 @@ def domain_of(dragon, track, lead, stop_s=25.0):
 @examples(20)
 @given(st.integers(3, 10), links_of, links_of, st.floats(0.05, 0.8), tracks, st.sampled_from(['head', 'tail']),
        st.floats(0.05, 20), st.sampled_from([0.01, 0.1, 0.4]))
-def test_no_corner_goes_further_than_the_bound_on_its_way(benches, head, body, width, track, lead, gone_m, travel_m):
+def test_no_corner_goes_further_than_the_bound_on_its_way(benches, head, body, width, track, lead, travel_m, further_m):
     try:
         domain = domain_of(Dragon(benches, 0.4 + head, 0.4 + body, width, 0.2), track, lead)
-        assume(gone_m + travel_m < domain.stop_m)
+        assume(travel_m + further_m < domain.stop_m)
     except DragonError:     # the dragon does not fit the track
         assume(False)
-    most, true = motions_of(domain, gone_m, travel_m)
+    most, true = motions_of(domain, travel_m, further_m)
     assert np.all(true <= most + 1e-10)
 
 
@@ -328,25 +329,25 @@ def test_on_a_circle_the_bound_on_the_way_of_a_corner_is_within_a_hundredth(lead
     assert np.all((true <= most + 1e-10) & (most <= 1.01 * true))
 
 
-@pytest.mark.parametrize('gone_m', [2.0, 8.0, 14.0])
-def test_the_bound_on_how_corners_leave_lines_is_within_a_fifth_for_a_tenth_of_the_pairs_on_a_short_way(gone_m):
+@pytest.mark.parametrize('travel_m', [2.0, 8.0, 14.0])
+def test_the_bound_on_how_corners_leave_lines_is_within_a_fifth_for_a_tenth_of_the_pairs_on_a_short_way(travel_m):
     domain = domain_of(Dragon(12), STurn(), 'head')
     i, j = np.triu_indices(12, 2)
     step = 1e-3
-    most = np.stack(bounds_of(domain, gone_m - step, 2 * step, i, j))
-    before, here, after = (seen(domain, gone_m + k * step, i, j) for k in (-1, 0, 1))
+    most = np.stack(bounds_of(domain, travel_m - step, 2 * step, i, j))
+    before, here, after = (seen(domain, travel_m + k * step, i, j) for k in (-1, 0, 1))
     second = np.max(np.hypot(*(before - 2 * here + after)), axis=-1) / step**2
     assert np.percentile(most / second, 10) <= 1.2
 
 
-@pytest.mark.parametrize(('gone_m', 'track'), [(3.0, STurn()), (5.0, STurn()), (9.0, BENT)])
-def test_bounds_between_states_leave_room_for_how_corners_leave_lines_and_for_hardly_more(gone_m, track):
+@pytest.mark.parametrize(('travel_m', 'track'), [(3.0, STurn()), (5.0, STurn()), (9.0, BENT)])
+def test_bounds_between_states_leave_room_for_how_corners_leave_lines_and_for_hardly_more(travel_m, track):
     domain, step = domain_of(Dragon(12), track, 'head'), 1e-3
     i, j = np.triu_indices(12, 2)
     space, row = conservative_advancement.ChainIntervals(domain), np.zeros_like(i)
-    ends = [space.sample(np.array([gone_m + k * step]), row[:1]) for k in (-1, 1)]
+    ends = [space.sample(np.array([travel_m + k * step]), row[:1]) for k in (-1, 1)]
     bound_m, _ = space._by_acceleration(*ends, row, i, j)
-    before, here, after = (seen(domain, gone_m + k * step, i, j) for k in (-1, 0, 1))
+    before, here, after = (seen(domain, travel_m + k * step, i, j) for k in (-1, 0, 1))
     sag_m = np.max(np.hypot(*(0.5 * (before + after) - here)), axis=-1)
     placed = [placement(*space._rectangles(end, row, i, j)) for end in ends]
     true_m, _ = parted_between(placed, tuple(sag_m))

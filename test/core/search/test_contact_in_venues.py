@@ -138,8 +138,8 @@ def test_windows_hold_every_place_of_every_bench_once(name):
         for phase in domain.phases(domain.start_m, domain.stop_m):
             for benches in by_length(scene.dragon.bench_lengths_m):
                 windows = windows_of(domain, benches, phase, 0.8)
-                for gone_m in np.linspace(*phase, 7):
-                    for along_m in domain.along_m(float(gone_m))[benches].tolist():
+                for travel_m in np.linspace(*phase, 7):
+                    for along_m in domain.along_m(float(travel_m))[benches].tolist():
                         assert any(window.places.min() - 1e-9 <= along_m <= window.places.max() + 1e-9
                                    for window in windows) or not windows
                 lengths = sum(np.ptp(window.places) for window in windows)
@@ -181,8 +181,8 @@ def test_a_move_of_corners_of_up_to_six_benches_is_bounded_and_a_longer_one_is_c
     bounds = ObstacleBounds(SweptBench.of(domain.track, domain.dragon, 1), domain.around)
     space = _SweptIntervals(bounds, 1e-9, longest_m, lambda _: None)
 
-    def moved(travel_m):
-        samples = space.sample(np.array([10.0, 10.0 + travel_m]), np.zeros(2, dtype=np.int64))
+    def moved(further_m):
+        samples = space.sample(np.array([10.0, 10.0 + further_m]), np.zeros(2, dtype=np.int64))
         return [samples.rows(np.array([n])) for n in (0, 1)]
 
     lever = float(np.max(bounds.motions_m(*(each.states for each in moved(1.0)))))
@@ -235,13 +235,13 @@ def test_of_the_hits_of_benches_the_one_that_the_leader_reaches_first_counts_and
     """A stand-in: bench n is at 10 n and moves ``speeds[n]`` m per metre of leader travel; its hits are known."""
     speeds, solved = np.array([1.0, 0.5, 2.0, 1.0]), []
 
-    def along_m(gone_m):
-        return 10.0 * np.arange(4) + speeds * gone_m
+    def along_m(travel_m):
+        return 10.0 * np.arange(4) + speeds * travel_m
 
-    def gone_at(bench, place_m, phase):
+    def travel_at(bench, place_m, phase):
         solved.append(bench)
         return (place_m - 10.0 * bench) / speeds[bench]
-    domain = SimpleNamespace(sense=sense, along_m=along_m, gone_at=gone_at)
+    domain = SimpleNamespace(sense=sense, along_m=along_m, travel_at=travel_at)
     gone = {0: (2.0, 2.1), 1: (1.0, 1.1), 2: (1.05, 1.3), 3: (0.5, 1.2)}       # leader positions of each hit
     hits = [(n, (*(10.0 * n + sense * speeds[n] * one for one in ends), -0.1 * n)) for n, ends in gone.items()]
     found = Obstacles._earliest(SimpleNamespace(_domain=domain), hits, (0.0, sense * 5.0))

@@ -117,15 +117,15 @@ def test_a_range_of_travel_finds_first_arrivals(rows, ramps, start_s, run_s, sha
     law = Profile(tuple(zip(times, [0.5, *(speed for _, speed in rows)], strict=True)), ramps)
     scene = Scene(Dragon(3), Spiral(0.55, 700.0), law, Run(start_s, start_s + run_s))
     course = RangeOfTravel(law, start_s, compile_scene(scene).end.t_s)
-    here = course.gone_m(start_s)
-    ends = [course.gone_m(course.farthest_s(sense)) for sense in (-1, 1)]
-    scanned = [course.gone_m(t_s) for t_s in np.linspace(start_s, compile_scene(scene).end.t_s, 200).tolist()]
+    here = course.travel_m(start_s)
+    ends = [course.travel_m(course.farthest_s(sense)) for sense in (-1, 1)]
+    scanned = [course.travel_m(t_s) for t_s in np.linspace(start_s, compile_scene(scene).end.t_s, 200).tolist()]
     assert ends[0] <= min(scanned) <= max(scanned) <= ends[1]
     for sense, end in zip((-1, 1), ends, strict=True):
         wanted = here + share * (end - here)
         t_s = course.arrival_s(wanted, sense)
-        assert course.gone_m(t_s) == pytest.approx(wanted, abs=1e-9)
-        assert all(sense * (course.gone_m(t) - wanted) <= 1e-9 for t in np.linspace(start_s, t_s, 20).tolist())
+        assert course.travel_m(t_s) == pytest.approx(wanted, abs=1e-9)
+        assert all(sense * (course.travel_m(t) - wanted) <= 1e-9 for t in np.linspace(start_s, t_s, 20).tolist())
 
 
 def test_what_is_cleared_on_both_ways_starts_at_one_place():

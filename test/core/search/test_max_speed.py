@@ -97,15 +97,15 @@ def _top(scene):
                for t in (low, nextafter(high, low), high))
 
 
-def _when(scene, gone_m):
+def _when(scene, travel_m):
     """Return a time of the run at which the leader has travelled the given distance."""
     times = np.linspace(scene.run.start_s, compile_scene(scene).end.t_s, 401)
     gone = np.array([scene.head.travelled_m(t) for t in times.tolist()])
-    n = int(np.argmin(np.abs(gone - gone_m)))
+    n = int(np.argmin(np.abs(gone - travel_m)))
     low, high = times[max(n - 1, 0)], times[min(n + 1, 400)]
     for _ in range(30):
         middle = np.linspace(low, high, 9)
-        off = np.abs([scene.head.travelled_m(t) - gone_m for t in middle.tolist()])
+        off = np.abs([scene.head.travelled_m(t) - travel_m for t in middle.tolist()])
         n = int(np.argmin(off))
         low, high = middle[max(n - 1, 0)], middle[min(n + 1, 8)]
     return float(middle[n])

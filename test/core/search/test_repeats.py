@@ -28,8 +28,8 @@ def domain_of(scene):
     return SearchDomain(compile_scene(scene), travel, travel.senses[0], lambda states: None)
 
 
-def gap_of(domain, gone_m, i, j):
-    chain = domain.chain(gone_m)
+def gap_of(domain, travel_m, i, j):
+    chain = domain.chain(travel_m)
     benches = benches_of(chain, domain.dragon, axes_of(chain))
     return float(gaps(benches, np.array([i]), np.array([j]))[0])
 
@@ -43,27 +43,27 @@ def test_a_pair_that_repeats_stands_as_the_pair_one_period_ahead_stood_earlier(d
     scene = Scene(dragon, Composite(BENT.pieces, 62.0 + 30.0 * from_end), Head(speed, lead), Run(0, 12))
     domain = domain_of(scene)
     repeats, period = Repeats(domain), _period(dragon.link_lengths_m)
-    gone_m = domain.start_m + share * (domain.stop_m - domain.start_m)
-    here = domain.along_m(gone_m)
+    travel_m = domain.start_m + share * (domain.stop_m - domain.start_m)
+    here = domain.along_m(travel_m)
     i, j = np.triu_indices(dragon.benches, 2)
     again = repeats.repeated(here, here, i, j)
     forwards = repeats._forwards
     for n in dice.sample(np.flatnonzero(again).tolist(), min(6, int(again.sum()))):
         shift = -period if forwards else period
         handle = i[n] if lead == 'head' else j[n] + 1
-        earlier_m = domain.gone_at(int(handle + shift), float(here[handle]), (domain.start_m, gone_m))
-        assert domain.sense * (gone_m - earlier_m) > 0
+        earlier_m = domain.travel_at(int(handle + shift), float(here[handle]), (domain.start_m, travel_m))
+        assert domain.sense * (travel_m - earlier_m) > 0
         assert domain.along_m(earlier_m)[handle + shift] == pytest.approx(here[handle], abs=1e-9)
         assert gap_of(domain, earlier_m, i[n] + shift, j[n] + shift) == pytest.approx(
-            gap_of(domain, gone_m, i[n], j[n]), abs=1e-9)
+            gap_of(domain, travel_m, i[n], j[n]), abs=1e-9)
 
 
 def test_pairs_of_equal_benches_repeat_once_the_bench_ahead_has_passed_their_place_and_not_before():
     domain = domain_of(Scene(Dragon(20), Spiral(0.55, 9.0), run=Run(0, 30)))
     repeats, (i, j) = Repeats(domain), np.triu_indices(20, 2)
     link_m = domain.along_m(0.0)[2] - domain.along_m(0.0)[3]
-    for gone_m, often in ((0.0, False), (0.9 * abs(link_m), False), (1.2 * abs(link_m), True)):
-        here = domain.along_m(gone_m)
+    for travel_m, often in ((0.0, False), (0.9 * abs(link_m), False), (1.2 * abs(link_m), True)):
+        here = domain.along_m(travel_m)
         again = repeats.repeated(here, here, i, j)
         assert not np.any(again[i < 2])        # the head is longer, so bench 1 has no bench of its kind ahead
         assert np.all(again[i >= 2] == often)

@@ -79,8 +79,8 @@ def test_at_a_constant_speed_it_arrives_within_its_run(speed, place_m, t_s):
 def test_the_range_of_a_run_holds_every_place_of_it():
     for start_s, end_s in ((0.0, 10.0), (3.0, 5.0), (4.5, 6.5)):
         travel = RangeOfTravel(JUMPS, start_s, end_s)
-        gone = [travel.gone_m(t) for t in np.linspace(start_s, end_s, 101)]
-        ends = [travel.gone_m(travel.farthest_s(sense)) for sense in (-1, 1)]
+        gone = [travel.travel_m(t) for t in np.linspace(start_s, end_s, 101)]
+        ends = [travel.travel_m(travel.farthest_s(sense)) for sense in (-1, 1)]
         assert [min(gone), max(gone)] == pytest.approx(ends, abs=0.1)
         assert ends[0] <= min(gone)
         assert max(gone) <= ends[1]
@@ -100,10 +100,10 @@ def test_a_domain_goes_on_to_the_end_of_its_run(stop_s):
 
 def test_a_position_that_a_bench_does_not_reach_is_taken_at_the_nearer_end():
     domain, _ = domain_of(100.0)
-    for gone_m, nearer_m in ((9.99, 10.0), (20.01, 20.0), (15.0, 15.0)):
-        along_m = float(domain.along_m(gone_m)[7])
-        assert domain.gone_at(7, along_m, (10.0, 20.0)) == pytest.approx(nearer_m, abs=1e-9)
-        assert domain.gone_at(7, along_m, (20.0, 10.0)) == pytest.approx(nearer_m, abs=1e-9)
+    for travel_m, nearer_m in ((9.99, 10.0), (20.01, 20.0), (15.0, 15.0)):
+        along_m = float(domain.along_m(travel_m)[7])
+        assert domain.travel_at(7, along_m, (10.0, 20.0)) == pytest.approx(nearer_m, abs=1e-9)
+        assert domain.travel_at(7, along_m, (20.0, 10.0)) == pytest.approx(nearer_m, abs=1e-9)
 
 
 @pytest.mark.parametrize('sense', [1, -1])

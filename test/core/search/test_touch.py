@@ -27,10 +27,10 @@ def met():
 @pytest.mark.parametrize('scene', [Scene(run=Run(400)), Scene(Dragon(40), Spiral(0.55, 7.0))], ids=['classic', 'small'])
 def test_the_gap_closes_at_the_contact_as_its_differences_say(scene):
     found, domain = first_contact(scene), domain_of(scene)
-    gone_m, step_m = domain.gone_m(found.t_s), 1e-4
-    early, late = (domain.gap(found.benches, gone_m + sense * step_m) for sense in (-1, 1))
+    travel_m, step_m = domain.travel_m(found.t_s), 1e-4
+    early, late = (domain.gap(found.benches, travel_m + sense * step_m) for sense in (-1, 1))
     slope = (early - late) / (2 * step_m)
-    assert domain.slope(found.benches, gone_m) == pytest.approx(slope, rel=1e-3)
+    assert domain.slope(found.benches, travel_m) == pytest.approx(slope, rel=1e-3)
     assert found.approach_m_s == pytest.approx(slope, rel=1e-3)
 
 
@@ -46,9 +46,9 @@ def test_the_slack_is_a_nanometre_and_wider_for_late_times_and_slow_approaches_u
 def test_a_contact_is_claimed_where_benches_overlap_a_slack_further_on_and_all_is_clear_a_slack_before(met):
     domain, touch = met
     assert (touch.pair, touch.grazing_m, touch.holds) == ((0, 8), None, True)
-    before, after = (domain.gap(touch.pair, touch.gone_m + sense * touch.slack_m) for sense in (-1, 1))
+    before, after = (domain.gap(touch.pair, touch.travel_m + sense * touch.slack_m) for sense in (-1, 1))
     assert after < 0 < before
-    here_m = domain.gone_m(touch.t_s)
+    here_m = domain.travel_m(touch.t_s)
     for back, proved in ((0.999, True), (1.001, False)):
         assert touch.holds_if_clear(domain, here_m - back * touch.slack_m) == proved
     assert not replace(touch, holds=False).holds_if_clear(domain, here_m)

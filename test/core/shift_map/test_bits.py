@@ -54,9 +54,9 @@ def test_nor_on_the_rate_and_the_beginning_of_its_run(rate_hz, start_s):
 
 def test_nor_on_the_law_that_brought_the_leader_there():
     steady, slow = replace(TURNING, head=Head(2.0)), replace(TURNING, head=Profile(((0.0, 0.5),)))
-    for gone_m in (8.0, 104.0, 131.0):
-        p = state(TURNING, gone_m).p.tobytes()
-        assert state(steady, gone_m / 2).p.tobytes() == state(slow, gone_m * 2).p.tobytes() == p
+    for travel_m in (8.0, 104.0, 131.0):
+        p = state(TURNING, travel_m).p.tobytes()
+        assert state(steady, travel_m / 2).p.tobytes() == state(slow, travel_m * 2).p.tobytes() == p
 
 
 @examples(3)

@@ -182,9 +182,9 @@ def test_benches_of_any_mix_are_where_the_march_puts_them(mix, direction, part):
 
 @examples(50)
 @given(st.floats(0, 380))
-def test_behind_a_head_on_one_spiral_blocks_are_where_the_march_is(gone_m):
+def test_behind_a_head_on_one_spiral_blocks_are_where_the_march_is(travel_m):
     track, links = spiral_track(Spiral(), 0.0), np.array([2.86, 2.0] + [1.65] * 40 + [1.2] + [0.8] * 40)
-    place, head = placement(track, links, BEHIND), track.place_at(gone_m)
+    place, head = placement(track, links, BEHIND), track.place_at(travel_m)
     one, other = place.place(head), marched(track, links, head, BEHIND)
     assert [len(shift.tiles) for shift in place.maps.values()] == [1, 1]
     np.testing.assert_allclose(one.p, other.p, rtol=0, atol=1e-12)
