@@ -223,7 +223,7 @@ def test_the_sim_publishes_no_topic_without_subscribers_and_every_tick_of_the_ot
     (['sim', '--set', 'track.pitch_m=-1'], 'track.pitch_m'),
     (['sim', '--ros-args', '-p', 'time_scale:=-1.0'], 'time_scale'),
     (['sim', '--ros-args', '-p', 'rate_hz:=0.0'], 'run.rate_hz'),
-    (['sim', '--ros-args', '-p', 'start_s:=500.0'], '432.917924'),
+    (['sim', '--ros-args', '-p', 'start_s:=500.0'], '432.917923'),
     (['sim', '--ros-args', '-p', 'wait_subscribers:=[tails=2]'], 'tails=2'),
     (['sim', '--set', 'head.speed_m_s=0'], 'run.stop_s'),
     (['sim', '--sceen', 'x'], '--sceen'),

@@ -1,1 +1,1 @@
-"""Numerics without geometry: roots, double-double numbers, Chebyshev series, exact polynomials, array types."""
+"""Numerics without geometry: roots, Chebyshev series, vectors and array types."""
