@@ -471,6 +471,10 @@ def _draw_names(axes: 'Axes', plan: Plan, sheet: Sheet, labels: Labels) -> None:
         middle = part.representative_point() if part.area else part.interpolate(0.5, normalized=True)
         label = name if len(name) <= _LONGEST_NAME else f'{name[:_LONGEST_NAME - 1]}…'
         at = np.array(middle.coords[0])
+        left, bottom, right, top = part.bounds
+        room_pt = max(right - left, 0.0 if part.area else top - bottom) / labels.metres_per_point()
+        if sheet.number == 1 and room_pt < 0.7 * _SMALL_PT * _ems(label):      # a town of names that hide the houses
+            continue
         offset = labels.placed(at, label, [(0.0, 0.0), (0.0, 10.0), (0.0, -10.0)], _SMALL_PT)
         if offset is not None:
             axes.annotate(label, (at[0], at[1]), xytext=offset, textcoords='offset points', fontsize=_SMALL_PT,
