@@ -29,7 +29,7 @@ from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, Spi
 from dragon_ros.core.tracks.spiral import TIGHT, TINY, SpiralCurve, SpiralSegment
 
 _ULPS = 2.0**-49    # bound on the sum of a few rounding errors, relative to a coordinate and its distance
-_HAIR = 1e-9        # how far rounding may put the leader beyond the track's end, relative to a distance
+_BEYOND = 1e-9      # how far rounding may put the leader beyond the track's end, relative to a distance
 _SLACK = 0.02       # how far a follower may be put beyond the end, relative to a link
 WIDEST_RAD = 1.3    # approximate limit on a link's span on an inward spiral; a wider link may be close to locking
 _NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # largest difference between the end of a piece and the stated start of the next
@@ -120,7 +120,7 @@ class Track:
         """
         if not self.begin_m <= metres <= self.end_m:
             limit_m = self.begin_m if metres < self.begin_m else self.end_m
-            if not abs(metres - limit_m) <= _HAIR * (1 + max(abs(limit_m), abs(from_m))):
+            if not abs(metres - limit_m) <= _BEYOND * (1 + max(abs(limit_m), abs(from_m))):
                 raise TrackEndError(f'the distance {metres:.9g} m is not on the track, which extends from '
                                     f'{self.begin_m:.9g} to '
                                     f'{self.end_m:.9g} m', distance_m=metres, limit_m=self.end_m)
@@ -209,9 +209,9 @@ class Track:
         segment = self.segments[k]
         near, far = segment.last if direction == BEHIND else segment.first, self.edge(k, chord_m, direction)
         left, sense = max(reach - gone, 0.0), 1.0 if far > near else -1.0
-        hair = self._joint_hair_m / abs(segment.rate(near))
-        most = min(abs(segment.after(segment.metres(near) + direction * left) - near) + hair, abs(far - near))
-        base = most + hair
+        margin = self._joint_margin_m / abs(segment.rate(near))
+        most = min(abs(segment.after(segment.metres(near) + direction * left) - near) + margin, abs(far - near))
+        base = most + margin
 
         def excess(x: float) -> tuple[float, float]:
             u = near + sense * (x - base)
@@ -224,7 +224,7 @@ class Track:
         return Place(k, near + sense * (x - base)), spent
 
     @cached_property
-    def _joint_hair_m(self) -> float:
+    def _joint_margin_m(self) -> float:
         """Upper bound on the distance by which rounding may move a position away from a joint."""
         ends = [(segment, u) for segment in self.segments for u in (segment.first, segment.last) if abs(u) < inf]
         return _ULPS * max((abs(float(m)) for segment, u in ends for m in (u * segment.rate(u), segment.metres(u))),
@@ -248,7 +248,7 @@ class Track:
             if on.size:
                 out[0][on] = k
                 out[1][on], evaluations = _cuts(segment, (near, far), here[on], chord_m, direction,
-                                                (gone[on], reach, self._joint_hair_m))
+                                                (gone[on], reach, self._joint_margin_m))
                 spent += evaluations
             gone, left = gone + longest, left[~hit]
         for n in left[:1]:      # raises the error
@@ -365,14 +365,14 @@ def _guessed(segment: Segment, near: float, here: Array, chord_m: float, directi
 def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: float, direction: int,
           arcs_m: tuple[Floats, float, float]) -> tuple[Floats, int]:
     """Find the positions that ``Track._cut`` would return for many points, using bracketed Newton iteration."""
-    (near, far), (gone, reach, hair_m) = ends, arcs_m
+    (near, far), (gone, reach, margin_m) = ends, arcs_m
     rate, sense = abs(float(segment.rate(near))), 1.0 if far > near else -1.0
-    left, hair = np.maximum(reach - gone, 0.0), hair_m / rate
+    left, margin = np.maximum(reach - gone, 0.0), margin_m / rate
     along = np.abs(segment.after(segment.metres(near) + direction * left) - near)
-    most = np.minimum(along + hair, abs(far - near))
-    low, high = np.full_like(gone, -hair), most
+    most = np.minimum(along + margin, abs(far - near))
+    low, high = np.full_like(gone, -margin), most
     x = np.clip(_guessed(segment, near, here, chord_m, direction) / rate, low, most)
-    last, spent = most + hair, 0
+    last, spent = most + margin, 0
     for _ in range(80):
         u = near + sense * x
         point, heading = segment.poses(u)
@@ -381,11 +381,11 @@ def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: flo
         slope = (link.conjugate() * heading).real * segment.rate(u) * sense
         low, high, spent = np.where(value <= 0, x, low), np.where(value >= 0, x, high), spent + x.size
         change = value / np.where(slope > 0, slope, 1e-300)
-        small = np.abs(change) <= TIGHT * (most + hair)
+        small = np.abs(change) <= TIGHT * (most + margin)
         newton = small | ((low <= x - change) & (x - change <= high) & (np.abs(change) <= 0.5 * last))
         following = np.clip(np.where(newton, x - change, low + 0.5 * (high - low)), low, high)
         last, x = np.abs(following - x), following
-        if np.all(small | (high - low <= 4e-16 * (most + hair))):
+        if np.all(small | (high - low <= 4e-16 * (most + margin))):
             break
     return near + sense * x, spent
 
