@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from dragon_ros.core.chain.forward import Handles, blocks_of, forward, forward_many, in_order, row_by_row, together
+from dragon_ros.core.chain.forward import Handles, blocks_of, forward, forward_many, in_order, together
 from dragon_ros.core.chain.kinematics import RigidLinks
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.tracks.composite import Place, Places, Track
@@ -255,7 +255,7 @@ def marched(track: Track, links_m: Floats, leader: Place, direction: int) -> Cha
     the same errors as ``forward``.
     """
     one = np.array([leader.segment]), np.array([leader.u])
-    if len(track.segments) == 1 and (found := together(track, links_m[:, None], one, direction)):
+    if len(track.segments) == 1 and (found := together(track, links_m, one, direction)):
         (segment, u), spent = found
         return chain_of(track, links_m, direction, (segment[:, 0], u[:, 0]), spent)
     handles = forward(track, in_order(links_m, direction), leader, direction)
@@ -263,16 +263,8 @@ def marched(track: Track, links_m: Floats, leader: Place, direction: int) -> Cha
 
 
 def marched_many(track: Track, links_m: Floats, leaders: Places, direction: int) -> Chain:
-    """Return the chains of many leaders as one chain, which agrees with ``marched`` except in the last digits.
-
-    ``links_m`` has shape (N,) if all chains have the same links, or, if ``forward_many`` supports this, shape (M, N)
-    with one row for each leader.
-    """
-    if links_m.ndim == 1:
-        rows, spent = forward_many(track, blocks_of(links_m, direction), leaders, direction)
-    else:
-        rows, spent = together(track, links_m.T, leaders, direction) or row_by_row(
-            track, blocks_of(links_m, direction), leaders, direction)
+    """Return the chains of many leaders as one chain, which agrees with ``marched`` except in the last digits."""
+    rows, spent = forward_many(track, blocks_of(links_m, direction), leaders, direction)
     return chain_of(track, links_m, direction, (rows[0].T, rows[1].T), spent)
 
 

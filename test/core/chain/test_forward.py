@@ -76,12 +76,12 @@ def test_chains_that_are_placed_at_once_are_those_placed_link_by_link(pitch, sta
 def test_chains_of_any_links_that_are_placed_at_once_are_those_placed_link_by_link(links, start):
     track = track_of(Spiral(0.55, start))
     leaders = track.places_at(np.array([0.0, -1.5]))
-    mixed = np.stack((links, links[::-1]))
+    mixed = np.array(links)
     (_, u), spent = forward_many(track, blocks_of(mixed, BEHIND), leaders, BEHIND)
-    assert spent == together(track, mixed.T, leaders, BEHIND)[1]        # not link by link
+    assert spent == together(track, mixed, leaders, BEHIND)[1]          # not link by link
     for n in range(2):
         leader = Place.of(*(values[n] for values in leaders))
-        one_by_one = forward(track, mixed[n].tolist(), leader, BEHIND)
+        one_by_one = forward(track, links, leader, BEHIND)
         assert np.max(np.abs(u[:, n] - one_by_one.u)) < 1e-14 * start * 2 * np.pi
 
 
@@ -127,7 +127,7 @@ def test_where_the_track_ends_handles_that_are_placed_segment_by_segment_say_so(
 
 def test_only_where_handles_almost_turn_back_are_they_placed_link_by_link():
     model = compile_scene(CLASSIC).model
-    links = model.links_m[:, None]
+    links = model.links_m
 
     def served(t_s):
         return together(model.track, links, model.leader.places(np.array([t_s])), BEHIND) is not None
@@ -143,7 +143,7 @@ def test_handles_are_placed_at_once_unless_the_second_moves_on_by_less_than_a_tw
         leader = np.zeros(1, dtype=np.int64), np.array([theta])
         pace = (follower(theta + step, head) - follower(theta - step, head)) / (2 * step)
         if abs(pace - 0.05) > 1e-3:
-            assert (together(track, links[:, None], leader, BEHIND) is None) == (pace < 0.05)
+            assert (together(track, links, leader, BEHIND) is None) == (pace < 0.05)
 
 
 @pytest.mark.parametrize(('scene', 'most'), [
