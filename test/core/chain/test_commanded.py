@@ -143,8 +143,9 @@ def test_what_is_walked_is_the_exact_integral_whatever_is_forgotten(speeds, keep
         law, whole = (one.walked_on(0.3 + n / 7, speed, keep) for one, keep in ((law, keep_s), (whole, 1e9)))
     exact = sum(((Fraction(t2) - Fraction(t1)) * (Fraction(v1) + Fraction(v2)) / 2
                  for (t1, v1), (t2, v2) in zip(whole.knots, whole.knots[1:], strict=False)), Fraction(0))
-    assert law.travel_m == whole.travel_m == law.travelled_m(law.knots[-1][0])
-    assert law.travel_m == pytest.approx(float(exact), rel=1e-15, abs=1e-16)
+    assert law.travel_m == whole.travel_m
+    for found in (law.travel_m, law.travelled_m(law.knots[-1][0])):     # a ramp's end is rounded in its own way
+        assert found == pytest.approx(float(exact), rel=1e-15, abs=1e-16)
     assert len(law.knots) <= keep_s * 7 + 3         # memory does not grow with the run
     assert law.acceleration_at_m_s2(law.knots[-1][0]) == pytest.approx((speeds[-1] - ([0.0, *speeds])[-2]) * 7)
 
