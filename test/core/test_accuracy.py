@@ -60,8 +60,8 @@ def test_the_promise_holds_on_every_hard_case(name, solver):
 
 
 @pytest.mark.parametrize('name', CASES)
-def test_the_promise_is_at_most_a_tenth_of_a_micrometre_in_the_world(name):
-    assert compile_scene(CASES[name].scene).promise_m <= 1e-7
+def test_the_promise_is_at_most_four_nanometres_in_the_world(name):
+    assert compile_scene(CASES[name].scene).promise_m <= 4e-9
 
 
 def test_the_promise_of_the_classic_dragon_is_two_picometres():
