@@ -50,13 +50,12 @@ def _inverse(x):
     return 1 / x.mid() + arb(0, 1) * rad / (mid * (mid - rad)) if mid > rad else arb('nan')
 
 
-@partial(np.vectorize, otypes=[object, object, object])
+@partial(np.vectorize, otypes=[object, object])
 def _trig(x):
-    """Return sine, cosine and 1 - cosine, computed by the formulas of ``Ball``."""
+    """Return sine and cosine, computed by the formulas of ``Ball``."""
     mid, rad, some = x.mid(), x.rad(), arb(0, 1)
-    sin, cos, half, bow = mid.sin(), mid.cos(), (mid / 2).sin(), rad * rad / 2
-    aside = abs(sin) * rad + bow
-    return sin + some * (abs(cos) * rad + bow), cos + some * aside, 2 * half * half + some * aside
+    sin, cos, bow = mid.sin(), mid.cos(), rad * rad / 2
+    return sin + some * (abs(cos) * rad + bow), cos + some * (abs(sin) * rad + bow)
 
 
 class ArbBall:
@@ -107,10 +106,7 @@ class ArbBall:
         return ArbBall(self.values * self.values)
 
     def sin_cos(self):
-        return tuple(map(ArbBall, _trig(self.values)[:2]))
-
-    def versine(self):
-        return ArbBall(_trig(self.values)[2])
+        return tuple(map(ArbBall, _trig(self.values)))
 
     def running_product(self):
         return ArbBall(np.multiply.accumulate(self.values, axis=-1, dtype=object))

@@ -84,13 +84,6 @@ class Ball:
         return (Ball(sin, OUTWARDS * (flat * self.rad + bow + LEAST * steep)),
                 Ball(cos, OUTWARDS * (steep * self.rad + bow + LEAST * flat)))
 
-    def versine(self) -> 'Ball':
-        """Return 1 - cosine, without cancellation."""
-        half = np.sin(0.5 * self.mid)
-        less = 2 * half * half
-        steep = 2 * np.abs(half * np.cos(0.5 * self.mid))
-        return Ball(less, OUTWARDS * (steep * self.rad + 0.5 * self.rad * self.rad + LEAST * less))
-
     def running_product(self) -> 'Ball':
         """Return the products of the first 1, 2, ... numbers along the last axis."""
         mid: Floats = np.multiply.accumulate(self.mid, axis=-1)

@@ -11,7 +11,7 @@ OPERATIONS = {
     'sum': lambda x, y: x + y, 'difference': lambda x, y: x - y, 'product': lambda x, y: x * y,
     'sum with a number': lambda x, y: x + 0.3, 'product with a number': lambda x, y: 0.7 * x,
     'inverse': lambda x, y: x.inverse(), 'square': lambda x, y: x.squared(), 'sine': lambda x, y: x.sin_cos()[0],
-    'cosine': lambda x, y: x.sin_cos()[1], 'one less cosine': lambda x, y: x.versine(),
+    'cosine': lambda x, y: x.sin_cos()[1],
     'running sum': lambda x, y: x.running_sum(), 'running product': lambda x, y: x.running_product()}
 
 
