@@ -18,6 +18,8 @@ from dragon_ros.cli.dds_domain import free_domain, local_environment
 from dragon_ros.core.model import compile_scene
 from dragon_ros.executables import EXECUTABLES, NODES
 
+pytest.importorskip('dragon_contest', reason='the documents also describe the packages beside dragon_ros')
+pytest.importorskip('dragon_studies', reason='the documents also describe the packages beside dragon_ros')
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [*(ROOT / name for name in ('README.md', 'README.zh.md', 'CONTRIBUTING.md')),
              *sorted((ROOT / 'docs').rglob('*.md'))]

@@ -7,6 +7,7 @@ import pytest
 from benchmarks.command import write
 
 pytest.importorskip('pyarrow')
+pytest.importorskip('dragon_studies')
 
 
 @pytest.fixture(scope='module')

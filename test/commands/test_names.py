@@ -48,6 +48,7 @@ def test_a_name_that_no_file_can_have_gives_one_line(capsys, folder, words, name
 
 @pytest.mark.parametrize('content', ['', '[1]', '{"address": 3}'])
 def test_a_scheduler_file_without_an_address_gives_one_line(capsys, folder, content):
+    pytest.importorskip('dragon_studies')
     pytest.importorskip('distributed')
     (folder / 'scheduler.json').write_text(content)
     assert main(['study', 'tolerances', '--samples', '2', '--output', 'a', '--scheduler', 'scheduler.json']) == 2

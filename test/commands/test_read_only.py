@@ -3,7 +3,6 @@ import os
 import shutil
 import subprocess
 import sys
-from importlib.util import find_spec
 from pathlib import Path
 
 import pytest
@@ -22,8 +21,9 @@ AS_OWNER = ('setpriv', '--bounding-set=-dac_override', '--inh-caps=-dac_override
 def test_a_read_only_folder_is_named_in_one_line_and_nothing_is_written(tmp_path, command):
     if os.geteuid() == 0 and not shutil.which(AS_OWNER[0]):
         pytest.skip('root writes everywhere, and setpriv is not installed')
-    if command[0] == 'study' and not find_spec('pyarrow'):
-        pytest.skip('pyarrow is not installed: pip install pyarrow')
+    if command[0] == 'study':
+        pytest.importorskip('pyarrow')
+        pytest.importorskip('dragon_studies')
     folder = tmp_path / 'there'
     folder.mkdir(mode=0o555)
     done = subprocess.run([*(AS_OWNER if os.geteuid() == 0 else ()), sys.executable, '-m', 'dragon_ros',
