@@ -478,8 +478,7 @@ function describeContact() {
 async function refit() {
   if (!player.frame || !element('scene')._fullLayout) return;
   await Plotly.Plots.resize('scene');
-  drawMany(player.frame);
-  sayScale();
+  await scaleOutlines();
 }
 
 /** Redraw everything after a change of the colours or of the page's width. */
