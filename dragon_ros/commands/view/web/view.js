@@ -435,7 +435,6 @@ function connect() {
   element('whole').addEventListener('click', async () => { if (!built('scene')) return; await follow(false); await Plotly.relayout('scene', wholeRange()); });
   element('follow').addEventListener('click', () => follow(!player.following).catch(complain));
   pinch(element('scene'));
-  new ResizeObserver(() => refit().catch(complain)).observe(element('scene'));
   element('contact').addEventListener('click', () => zoomToContact().catch(complain));
   document.addEventListener('keydown', (event) => {
     const action = {' ': toggle, ArrowLeft: () => by(-1), ArrowRight: () => by(1), Home: () => to(0), End: () => to(run ? run.times_s.length - 1 : 0),
@@ -523,6 +522,7 @@ async function start() {
   await prepare();
   await load();
   offerPaces();
+  new ResizeObserver(() => refit().catch(complain)).observe(element('scene'));
   await loadContact();
   await goToHash();
   for (const changed of [DARK, NARROW]) changed.addEventListener('change', () => redraw().catch(complain));
