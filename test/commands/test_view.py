@@ -413,6 +413,8 @@ def test_outlines_scale_with_the_zoom(server, page):
     page.open_view(server.url)
     width = 'return parseFloat(getComputedStyle(document.querySelector("#scene .lines path.js-line")).strokeWidth)'
     wide = 'return parseFloat(getComputedStyle(document.querySelectorAll("#scene .trace .js-line")[1]).strokeWidth)'
+    page.wait('const plot = element("scene"); return plot._fullLayout.height === plot.clientHeight '
+              '&& player.outline === outline()')
     before = page.run(wide)
     page.click('contact')
     page.wait(f'{wide} > {2 * before}')
