@@ -375,15 +375,21 @@ def test_the_status_names_the_map_in_use_after_one_with_too_many_edges(start, no
 
 def test_an_empty_array_of_markers_is_valid(start, node, tmp_path):
     from visualization_msgs.msg import MarkerArray
+
+    from dragon_ros.nodes import qos
+    from dragon_ros.nodes.shell import message_type
     scene = load_scene('street', ['dragon.benches=5', 'venue=null', 'run.stop_s=20'])
     monitor, record = start('monitor'), start('record', '--output', 'a.mcap', '--keep-going')
     record.wait_for('recording to')
     node.until(lambda: node.count_subscribers('/dragon/benches') == 2)
-    dragon = Dragon(node, scene, 'dragon', 'record')
+    dragon, row, seen = Dragon(node, scene, 'dragon', 'record'), channels()['clearance/stamped'], []
+    node.create_subscription(message_type(row.type), '/dragon/clearance/stamped', seen.append, qos.of_channel(row))
+    node.until(lambda: node.count_publishers('/dragon/clearance/stamped') == 1)
     dragon.show(0)
+    node.until(lambda: seen)
     dragon.out['benches'].publish(MarkerArray())
     dragon.show(1)
-    node.until(lambda: node.count_publishers('/dragon/clearance/stamped') == 1)
+    node.until(lambda: len(seen) == 2)
     assert monitor.stop() == 0
     assert 'saw 2 ticks' in monitor.text
     assert 'dropped' not in monitor.text

@@ -125,9 +125,10 @@ class Legs:
 
 def arrived(reached: Reached, one: Knot, two: Knot) -> Reached:
     """Return the distance reached at a knot from that at the knot before; the mean speed is that of both ends."""
-    way = reached[1] + (two[0] - one[0]) * (one[1] + (two[1] - one[1]) * 0.5)
-    total = reached[0] + way
-    return total, way - (total - reached[0])
+    leg = reached[1] + (two[0] - one[0]) * (one[1] + (two[1] - one[1]) * 0.5)
+    total = reached[0] + leg
+    part = total - reached[0]       # Knuth's sum without an error, since either term may be the larger one
+    return total, (reached[0] - (total - part)) + (leg - part)
 
 
 @dataclass(frozen=True)

@@ -119,6 +119,16 @@ def test_while_it_brakes_its_speed_leaves_exactly_the_distance_that_it_needs_to_
     assert needed == pytest.approx(left_m - SHORT_M - rate * step_s**2, abs=1e-12)
 
 
+@given(st.lists(st.sampled_from([0.0, 1.2, 0.4, -0.9, 2.0]) | st.floats(-2, 2), min_size=2, max_size=20),
+       st.integers(1, 40))
+@example([0.0, 1.2, 0.4], 40)
+def test_a_distance_walked_has_the_bits_of_that_of_the_profile(wishes, repeats):
+    rows, laws = walk(SCENE, np.repeat(wishes, repeats).tolist())
+    profile = profile_of(SCENE.head, rows)
+    for (t_s, _), law in zip(rows, laws, strict=True):
+        assert law.travelled_m(t_s).hex() == profile.travelled_m(t_s).hex()
+
+
 @pytest.mark.parametrize('lead', thinned(['head', 'tail'], lambda lead: lead == 'tail'))
 def test_a_led_tick_has_the_bits_of_a_profile_of_what_was_walked(lead):
     scene = replace(SCENE, head=replace(LED, lead=lead))
