@@ -80,7 +80,7 @@ def test_a_led_dragon_walks_as_commanded_and_its_bag_is_recomputed_bit_for_bit(s
 
 
 @pytest.mark.long       # by default, test_compare.py checks such bags, and test_record.py kills recorders
-def test_what_a_killed_recorder_got_of_a_led_run_is_recomputed_up_to_its_last_whole_tick(start, node, tmp_path, capsys):
+def test_what_a_killed_recorder_got_of_a_led_run_is_recomputed_up_to_its_last_tick(start, node, tmp_path, capsys):
     bag, leader = tmp_path / 'led.mcap', Leader(node, stamped=False)
     record = start('record', '--output', bag, '--flush-s', '0.2')
     sim = start('sim', *LED, '--ros-args', '-p', READERS, '-p', 'cmd_vel_stamped:=false')
@@ -94,7 +94,7 @@ def test_what_a_killed_recorder_got_of_a_led_run_is_recomputed_up_to_its_last_wh
     assert main(['inspect', str(tmp_path / 'whole.mcap'), '--check', '--format', 'json']) == 0
     found = json.loads(capsys.readouterr().out)
     assert found['equal'] >= 4 * 25
-    assert found['equal'] % 4 == 0
+    assert found['equal'] % 4 == 0 or any(' lacks ' in note for note in found['notes'])     # of the last tick
 
 
 @pytest.mark.parametrize('act', thinned(['hold', 'stop'], lambda act: act == 'hold'))
