@@ -29,9 +29,9 @@ _MANY = (301, 1000)             # numbers of ticks, from 0 to 300 s, that are pl
 _WRONG_M = 0.01                 # a larger error is called wrong
 _OURS, _OTHER, _WRONG, _LINE = '#0072B2', '#E69F00', '#D55E00', '#595959'
 # Where labels would overlap: their side, and their offset in points.
-_PLACES = {'dragon_ros, 1,000 at once': ('center', 0, -16), 'dragon_ros, 301 at once': ('center', 0, 9),
+_PLACES = {'dragon_ros, 1,000 at once': ('left', -4, 9), 'dragon_ros, 301 at once': ('center', 0, -16),
            'dragon_ros, table': ('left', 8, -3), 'numba, Newton': ('right', -4, 9),
-           'numpy, Newton, 1,000 at once': ('center', 0, -16), 'numpy, Newton, 301 at once': ('left', 0, 9),
+           'numpy, Newton, 1,000 at once': ('left', 0, 24), 'numpy, Newton, 301 at once': ('left', 0, 9),
            'scipy brentq': ('right', 0, 9), 'scipy fsolve': ('right', -8, -3),
            'plain Newton 1e-6 rad': ('right', 0, -16), 'bisection 1e-6 rad': ('left', 0, 9),
            'plain Newton 1e-3 rad': ('center', 0, 9),
