@@ -421,6 +421,9 @@ def test_outlines_scale_with_the_zoom(server, page):
     page.click('whole')
     page.wait('return player.outline === outline()')        # the view may have got another size since
     page.wait(f'{wide} < {1.2 * before}')
+    x, y = page.run('const {xaxis, yaxis} = element("scene")._fullLayout; '
+                    'return [xaxis, yaxis].map(({range, _length}) => (range[1] - range[0]) / _length)')
+    assert x == pytest.approx(y, rel=1e-3)      # one scale, although the contact was still being drawn
     assert 0 < before < 1
     assert page.run(width) == 0.8       # the track is drawn as a line
 

@@ -188,8 +188,7 @@ def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, fl
 def profile_of(settings: Commanded, walked: Iterable[tuple[float, float]]) -> Profile:
     """Return a profile with the pairs (t_s, speed_m_s) of the ticks; its distances are bit-identical to those walked.
 
-    Redundant knots are omitted. Raises FieldError if too many knots
-    remain.
+    Redundant knots are omitted. Raises FieldError if too many knots remain.
     """
     knots = [(0.0, 0.0)]
     for t_s, speed_m_s in walked:

@@ -19,7 +19,13 @@ let query = location.search;            // selects the run to show if the server
 let asking = new AbortController();     // cancels the requests about the shown run
 let prepare = async () => {};           // try.js replaces this first step
 const chunks = new Map();
-const player = {t: 0, tick: 0, playing: false, pace: 1, last: 0, drawing: false, wanted: null};
+const player = {t: 0, tick: 0, playing: false, pace: 1, last: 0, drawing: false, wanted: null, turn: Promise.resolve()};
+
+/** Change the scene's plot after earlier changes: the two axes lose their common scale if a change overtakes another. */
+function inTurn(change) {
+  player.turn = player.turn.catch(() => null).then(change);
+  return player.turn;
+}
 
 /** A colour of view.css, in light or dark mode. */
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
@@ -136,7 +142,7 @@ async function scaleOutlines() {
   const width = outline();
   if (run.drawn && width !== player.outline) {
     player.outline = width;
-    await Plotly.restyle('scene', {'line.width': width}, [1, 2, 3]);
+    await inTurn(() => Plotly.restyle('scene', {'line.width': width}, [1, 2, 3]));
   }
   drawMany(player.frame);
   sayScale();
@@ -175,9 +181,11 @@ function headOf(frame) {
 
 /** Show a window around a place; `ratio` changes its size. */
 function lookAt([x, y], ratio = 1) {
-  const {xaxis, yaxis} = element('scene')._fullLayout;
-  const [wide, high] = [xaxis, yaxis].map(({range}) => 0.5 * ratio * (range[1] - range[0]));
-  return Plotly.relayout('scene', {'xaxis.range': [x - wide, x + wide], 'yaxis.range': [y - high, y + high]});
+  return inTurn(() => {
+    const {xaxis, yaxis} = element('scene')._fullLayout;
+    const [wide, high] = [xaxis, yaxis].map(({range}) => 0.5 * ratio * (range[1] - range[0]));
+    return Plotly.relayout('scene', {'xaxis.range': [x - wide, x + wide], 'yaxis.range': [y - high, y + high]});
+  });
 }
 
 /** Zoom about the middle of the window, where the head is while the window follows the head. */
@@ -328,7 +336,7 @@ async function draw(frame, t) {
   element('scrub').value = player.tick;
   if (player.following && built('scene')) await lookAt(headOf(frame));
   if (!run.drawn) { drawMany(frame); countFrames(); } else if (built('scene')) {
-    await Plotly.animate('scene', {data: scene, traces: [1, 2, 3]}, AT_ONCE);
+    await inTurn(() => Plotly.animate('scene', {data: scene, traces: [1, 2, 3]}, AT_ONCE));
   }
   if (curve && built('clearance')) {
     await Plotly.animate('clearance', {data: [{x: [t, t], y: [player.low, player.high]}], traces: [2]}, AT_ONCE);
@@ -402,7 +410,7 @@ async function zoomToContact() {
   const [x, y] = contact.point_m, reach = 0.65 * run.length_m;
   player.tick = tickAt(contact.t_s);
   player.t = run.times_s[player.tick];
-  await Plotly.relayout('scene', {'xaxis.range': [x - reach, x + reach], 'yaxis.range': [y - reach, y + reach]});
+  await inTurn(() => Plotly.relayout('scene', {'xaxis.range': [x - reach, x + reach], 'yaxis.range': [y - reach, y + reach]}));
   const bytes = await (await get('frames/contact')).arrayBuffer();
   await show(new Float32Array(bytes), contact.t_s);
 }
@@ -432,7 +440,7 @@ function connect() {
   element('forward').addEventListener('click', () => by(1));
   element('scrub').addEventListener('input', (event) => to(Number(event.target.value)));
   element('pace').addEventListener('change', (event) => { player.pace = Number(event.target.value); });
-  element('whole').addEventListener('click', async () => { if (!built('scene')) return; await follow(false); await Plotly.relayout('scene', wholeRange()); });
+  element('whole').addEventListener('click', async () => { if (!built('scene')) return; await follow(false); await inTurn(() => Plotly.relayout('scene', wholeRange())); });
   element('follow').addEventListener('click', () => follow(!player.following).catch(complain));
   pinch(element('scene'));
   element('contact').addEventListener('click', () => zoomToContact().catch(complain));
@@ -476,7 +484,7 @@ function describeContact() {
 /** Fit the dragon's axes to their element, which shrinks if the legend above needs another line. */
 async function refit() {
   if (!player.frame || !element('scene')._fullLayout) return;
-  await Plotly.Plots.resize('scene');
+  await inTurn(() => Plotly.Plots.resize('scene'));
   await scaleOutlines();
 }
 
