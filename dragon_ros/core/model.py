@@ -288,8 +288,8 @@ class Simulation:
             return self._reach_m
         run, law, end_s = self.scene.run, self.scene.head, self.end.t_s
         times = (run.start_s, *(t_s for t_s in law.breaks_s if run.start_s < t_s < end_s), end_s)
-        gone = [float(law.travelled_m(t_s)) for t_s in times]
-        return min(gone), max(gone)
+        travels_m = [float(law.travelled_m(t_s)) for t_s in times]
+        return min(travels_m), max(travels_m)
 
     @cached_property
     def _reach_m(self) -> tuple[float, float]:

@@ -240,7 +240,7 @@ def placed(spiral: SpiralSegment, begin: Floats, chords: Floats) -> tuple[Floats
     Chords (L, 1) are in units of b. Rows are solved simultaneously, in groups whose
     intermediate results fit in the cache. The result is None if handles must be placed row by row.
     """
-    sign, some = 1.0 if spiral.way == BEHIND else -1.0, max(FEWEST_ROWS, _AT_ONCE // begin.size)
+    sign, some = 1.0 if spiral.winding == BEHIND else -1.0, max(FEWEST_ROWS, _AT_ONCE // begin.size)
     u, spent, rows = begin, 0, [begin[None]]
     for first in range(0, len(chords), some):
         these = chords[first:first + some]

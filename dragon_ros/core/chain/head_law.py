@@ -69,8 +69,8 @@ class Head:
 
     def extent_m(self, t_s: float) -> tuple[float, float]:
         """Return the smallest and largest distances that the leader has travelled up to ``t_s``, including 0."""
-        gone = self.speed_m_s * t_s
-        return min(0.0, gone), max(0.0, gone)
+        travel_m = self.speed_m_s * t_s
+        return min(0.0, travel_m), max(0.0, travel_m)
 
 
 @dataclass(frozen=True, eq=False)
@@ -221,8 +221,8 @@ class Profile(Settings):
 
     def extent_m(self, t_s: float) -> tuple[float, float]:
         """Return the smallest and largest distances that the leader has travelled up to ``t_s``, including 0."""
-        gone = [0.0, *(self.travelled_m(t) for t in (*self.breaks_s, t_s) if t <= t_s)]
-        return min(gone), max(gone)
+        travels_m = [0.0, *(self.travelled_m(t) for t in (*self.breaks_s, t_s) if t <= t_s)]
+        return min(travels_m), max(travels_m)
 
 
 def _smooth_share(rise: float) -> float:

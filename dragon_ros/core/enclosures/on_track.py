@@ -272,7 +272,7 @@ def _narrowed(angles: list[Ball], ends: list[Ball], k: Ball, moved_m: Floats, ri
         (sin_n, cos_n), (sin_f, cos_f) = (angle.sin_cos() for angle in angles)
         rates = (k[:, :-1] - (sin_n - cos_n * cos_f.inverse() * sin_f) * inverse_l,
                  k[:, 1:] - (sin_n * cos_f * cos_n.inverse() - sin_f) * inverse_l)
-        reach = [ABOVE * (0.5 * rate.most * gone + off) for rate, gone in zip(rates, each_m, strict=True)]
+        reach = [ABOVE * (0.5 * rate.most * moved + off) for rate, moved in zip(rates, each_m, strict=True)]
         before = angles
         angles = [Ball(end.mid, np.where(rigid, end.rad, np.fmin(angle.rad, np.maximum(end.rad, most))))
                   for angle, end, most in zip(angles, ends, reach, strict=True)]

@@ -309,9 +309,9 @@ def _each(value: Floats) -> Floats:
     return value[:, None, None]
 
 
-def _mean(a: Floats, b: Floats, gone: Floats) -> Ball:
-    """Return a ball that contains a value while it changes from a to b with a total variation of at most ``gone``."""
-    return Ball(0.5 * (a + b), 0.5 * gone)
+def _mean(a: Floats, b: Floats, variation: Floats) -> Ball:
+    """Return a ball that contains a value while it changes from a to b with at most this total variation."""
+    return Ball(0.5 * (a + b), 0.5 * variation)
 
 
 class HandleRanges:
@@ -347,7 +347,7 @@ class HandleRanges:
     @cached_property
     def _at_stops_m(self) -> Floats:
         """The distances (S, N) of the front handles along the track at the stops."""
-        chains = [self.chain(gone) for gone in self._stops_m]
+        chains = [self.chain(travel_m) for travel_m in self._stops_m]
         return np.array([self.track.distances(chain.segment, chain.u)[:-1] for chain in chains])
 
     @cached_property
@@ -361,13 +361,13 @@ class HandleRanges:
 
     def when_s(self, handle: int, along_m: float) -> float:
         """Return a time at which a handle is at a given distance along the track."""
-        gone = self._leader_m(handle, along_m)
+        travel_m = self._leader_m(handle, along_m)
         pairs = zip(pairwise(self._times_s), pairwise(self._travel_m), strict=True)
-        times, ends_m = min(pairs, key=lambda pair: max(min(pair[1]) - gone, gone - max(pair[1])))
-        low, high = (end_m - gone for end_m in ends_m)
+        times, ends_m = min(pairs, key=lambda pair: max(min(pair[1]) - travel_m, travel_m - max(pair[1])))
+        low, high = (end_m - travel_m for end_m in ends_m)
         if low * high >= 0:
             return times[0] if abs(low) <= abs(high) else times[1]
-        return illinois(lambda t_s: float(self.scene.head.travelled_m(t_s)) - gone, *times, low, high)
+        return illinois(lambda t_s: float(self.scene.head.travelled_m(t_s)) - travel_m, *times, low, high)
 
     def _leader_m(self, handle: int, along_m: float) -> float:
         """Return the distance travelled by the leader when a handle is at a given distance along the track."""
@@ -377,8 +377,8 @@ class HandleRanges:
         if abs(over[nearest]) <= same:
             return stops[nearest]
 
-        def beyond_m(gone: float) -> float:
-            beyond = self._handle_m(handle, gone) - along_m
+        def beyond_m(travel_m: float) -> float:
+            beyond = self._handle_m(handle, travel_m) - along_m
             return beyond if abs(beyond) > same else 0.0
 
         for n in range(len(stops) - 1):

@@ -56,7 +56,7 @@ _SURE = 1.98            # product of curvature and link below which a link's arc
 class MaxSpeed:
     """The ratio of the largest speed of any handle in a run to the leader's largest speed, and where it occurs.
 
-    ``gone_m`` is the distance that the leader has travelled since t = 0 when this speed occurs, and ``along_m`` the
+    ``travel_m`` is the distance that the leader has travelled since t = 0 when this speed occurs, and ``along_m`` the
     leader's distance along the track at the same time (for an S-turn, from the entry). If several handles are equally
     fast, ``handle`` is the first of them. No handle exceeds ``bound`` times the leader's largest speed anywhere in the
     run; this is proved, including the rounding of speeds. ``looks`` is the number of states evaluated.
@@ -68,7 +68,7 @@ class MaxSpeed:
 
     ratio: float
     handle: int
-    gone_m: float
+    travel_m: float
     along_m: float
     bound: float
     looks: int
@@ -112,12 +112,12 @@ class _Speeding(InOrder):
         """Search all times, and return the fastest handle with its bound."""
         run(self, Boxes(*self._first()[:, None]))
         top, t_s, handle = self._best
-        leader, gone = self._leader, self._scene.head.travelled_m(t_s)
+        leader, travel_m = self._leader, self._scene.head.travelled_m(t_s)
         with np.errstate(over='ignore'):
             ratio, bound = (float(np.exp(log)) for log in (top, max(self._bound, top)))
         number = handle if leader.direction == BEHIND else leader.links_m.size - handle
-        return MaxSpeed(ratio, number, float(gone) + 0.0,
-                        leader.track.distance_of(leader.place(gone)), bound, self._looks)
+        return MaxSpeed(ratio, number, float(travel_m) + 0.0,
+                        leader.track.distance_of(leader.place(travel_m)), bound, self._looks)
 
     def judge(self, boxes: Boxes) -> Boxes:
         """Bound intervals, record the bounds of those that contain no faster handle, and cut the others."""
@@ -134,12 +134,12 @@ class _Speeding(InOrder):
         """Return short first time intervals (s, shape (2, M)), cut at the law's breaks and where handles turn back."""
         start_s, stop_s = self._scene.run.start_s, compile_scene(self._scene).end.t_s
         times = [start_s, *(t_s for t_s in self._scene.head.breaks_s if start_s < t_s < stop_s), stop_s]
-        gone = [self._travel_m(t_s) for t_s in times]
-        cuts = self._leader.turning_m(min(gone), max(gone))
+        travels_m = [self._travel_m(t_s) for t_s in times]
+        cuts = self._leader.turning_m(min(travels_m), max(travels_m))
         if isfinite(self._sure_m):
             cuts.append(self._sure_m - _APART_M - self._leader.start_m)
         parts, count = list[tuple[float, float, int]](), 0
-        for pair, ends_m in zip(pairwise(times), pairwise(gone), strict=True):
+        for pair, ends_m in zip(pairwise(times), pairwise(travels_m), strict=True):
             inner = sorted(self._when_s(cut, *pair) for cut in cuts if min(ends_m) < cut < max(ends_m))
             for low_s, high_s in pairwise([pair[0], *inner, pair[1]]):
                 part = self._count(low_s, high_s)
@@ -203,10 +203,10 @@ class _Speeding(InOrder):
     def _states(self, times_s: Floats) -> 'SpeedStates':
         self._looks += times_s.size
         self._tell(times_s.size)
-        leader, gone = self._leader, self._scene.head.travelled_m(times_s)
-        links = leader.links_m[:self._links(float(np.max(gone)))]
-        chains = marched_many(leader.track, links, leader.places(gone), leader.direction)
-        return states_of(chains, gone, leader.direction)
+        leader, travel_m = self._leader, self._scene.head.travelled_m(times_s)
+        links = leader.links_m[:self._links(float(np.max(travel_m)))]
+        chains = marched_many(leader.track, links, leader.places(travel_m), leader.direction)
+        return states_of(chains, travel_m, leader.direction)
 
     def _note(self, log: Floats, times_s: Floats) -> None:
         tops = np.max(log, axis=1)

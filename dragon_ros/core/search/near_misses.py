@@ -180,11 +180,11 @@ def _repeated(domain: SearchDomain, repeats: Repeats, dips: list[_Dip], phase: t
     if not out:
         return []
     same, pairs, handles, along, guesses = zip(*out, strict=True)
-    travel_m = _gone_at(domain, np.array(handles), np.array(along), np.array(guesses), phase).tolist()
+    travel_m = _travel_at(domain, np.array(handles), np.array(along), np.array(guesses), phase).tolist()
     return [_Dip(pair, place, dip.gap_m) for dip, pair, place in zip(same, pairs, travel_m, strict=True)]
 
 
-def _gone_at(domain: SearchDomain, handle: Ints, along_m: Floats, guess_m: Floats,
+def _travel_at(domain: SearchDomain, handle: Ints, along_m: Floats, guess_m: Floats,
              within: tuple[float, float]) -> Floats:
     """Return the leader positions at which handles (M,) are at distances (M,) along the track."""
     row, travel_m = np.arange(handle.size), np.clip(guess_m, min(within), max(within))

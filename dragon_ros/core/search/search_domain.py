@@ -213,8 +213,8 @@ class SearchDomain:
         the distance there, the nearer of these two positions is returned.
         """
         if bench == 0 and self.leader.direction == BEHIND:
-            gone = self.leader.travel_m(self.track.place_at(along_m))
-            return min(max(gone, min(within)), max(within))
+            travel_m = self.leader.travel_m(self.track.place_at(along_m))
+            return min(max(travel_m, min(within)), max(within))
 
         def beyond(travel_m: float) -> float:
             return float(self.along_m(travel_m)[bench]) - along_m

@@ -86,10 +86,10 @@ def _bow(start: complex, heading: complex, end: complex, half_rad: float) -> Bow
 
 def biarc(start: complex, heading: complex, end: complex, leaving: complex) -> tuple[Bow, Bow] | None:
     """Return the biarc from one point and heading to another, or None if it would start backwards."""
-    way, both, apart = end - start, heading + leaving, abs(heading - leaving)
-    square, along = abs(way) ** 2, (way.conjugate() * both).real
+    chord, both, apart = end - start, heading + leaving, abs(heading - leaving)
+    square, along = abs(chord) ** 2, (chord.conjugate() * both).real
     root = along + sqrt(along * along + apart * apart * square)
-    if not root > 1e-12 * abs(way):
+    if not root > 1e-12 * abs(chord):
         return None
     leg = square / root
     joint = 0.5 * (start + end + leg * (heading - leaving))     # long legs cancel

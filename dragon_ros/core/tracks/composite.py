@@ -81,7 +81,7 @@ class Track:
     def from_afar(self) -> SpiralSegment | None:
         """The first segment if it is an unbounded inward spiral, else None; followers never leave such a spiral."""
         first = self.segments[0]
-        return first if isinstance(first, SpiralSegment) and first.way == BEHIND and first.first == inf else None
+        return first if isinstance(first, SpiralSegment) and first.winding == BEHIND and first.first == inf else None
 
     @property
     def lap_m(self) -> float:
@@ -185,15 +185,15 @@ class Track:
         """
         k, segment = place.segment, self.segments[place.segment]
         here = complex(segment.at(place.u))
-        gone = float(segment.metres_between(place.u, segment.first if direction == BEHIND else segment.last))
+        arc_m = float(segment.metres_between(place.u, segment.first if direction == BEHIND else segment.last))
         reach = reach_m(self.bend, chord_m)
         while 0 <= (k := k + direction) < len(self.segments):
             segment = self.segments[k]
             near, far = segment.last if direction == BEHIND else segment.first, self.edge(k, chord_m, direction)
             longest = float(segment.metres_between(near, far)) if abs(far) < inf else inf
-            if gone + longest >= reach or abs(complex(segment.at(far)) - here) >= chord_m:
-                return self._cut(k, here, chord_m, direction, (gone, reach))
-            gone += longest
+            if arc_m + longest >= reach or abs(complex(segment.at(far)) - here) >= chord_m:
+                return self._cut(k, here, chord_m, direction, (arc_m, reach))
+            arc_m += longest
         raise TrackEndError(f'a link of {chord_m:.6g} m does not fit on the track, which is too short there; start the '
                             'head further along, or lengthen the first piece', distance_m=self.distance_of(place))
 
@@ -205,10 +205,10 @@ class Track:
         length to the position. The solver's tolerance is relative to the unknown, which is therefore offset so that
         it is not close to 0 near the joint.
         """
-        gone, reach = arcs_m
+        arc_m, reach = arcs_m
         segment = self.segments[k]
         near, far = segment.last if direction == BEHIND else segment.first, self.edge(k, chord_m, direction)
-        left, sense = max(reach - gone, 0.0), 1.0 if far > near else -1.0
+        left, sense = max(reach - arc_m, 0.0), 1.0 if far > near else -1.0
         margin = self._joint_margin_m / abs(segment.rate(near))
         most = min(abs(segment.after(segment.metres(near) + direction * left) - near) + margin, abs(far - near))
         base = most + margin
@@ -219,7 +219,7 @@ class Track:
             growth = (link.conjugate() * complex(segment.heading(u))).real * segment.rate(u) * sense
             return 0.5 * (link.real * link.real + link.imag * link.imag - chord_m * chord_m), growth
 
-        start = base + most * min(max((chord_m - gone) / left, 0.0), 1.0) if left else base
+        start = base + most * min(max((chord_m - arc_m) / left, 0.0), 1.0) if left else base
         x, spent = bracketed_newton(excess, most, base + most, start, TIGHT)
         return Place(k, near + sense * (x - base)), spent
 
@@ -234,7 +234,7 @@ class Track:
         """Return the next positions on other segments (see ``across``) for many positions on segment k."""
         start, segment, spent = k, self.segments[k], 0
         here = np.asarray(segment.at(u), dtype=np.complex128)
-        gone = np.asarray(segment.metres_between(u, segment.first if direction == BEHIND else segment.last))
+        arc_m = np.asarray(segment.metres_between(u, segment.first if direction == BEHIND else segment.last))
         reach = reach_m(self.bend, chord_m)
         out: Places = np.full(here.shape, k), np.empty(here.shape)
         left = np.arange(here.size)
@@ -243,14 +243,14 @@ class Track:
             near, far = segment.last if direction == BEHIND else segment.first, self.edge(k, chord_m, direction)
             longest = float(segment.metres_between(near, far)) if abs(far) < inf else inf
             hit = np.full(left.shape, True) if longest == inf else (
-                (gone[left] + longest >= reach) | (np.abs(complex(segment.at(far)) - here[left]) >= chord_m))
+                (arc_m[left] + longest >= reach) | (np.abs(complex(segment.at(far)) - here[left]) >= chord_m))
             on = left[hit]
             if on.size:
                 out[0][on] = k
                 out[1][on], evaluations = _cuts(segment, (near, far), here[on], chord_m, direction,
-                                                (gone[on], reach, self._joint_margin_m))
+                                                (arc_m[on], reach, self._joint_margin_m))
                 spent += evaluations
-            gone, left = gone + longest, left[~hit]
+            arc_m, left = arc_m + longest, left[~hit]
         for n in left[:1]:      # raises the error
             self.across(Place.of(start, u[n]), chord_m, direction)
         return out, spent
@@ -365,12 +365,12 @@ def _guessed(segment: Segment, near: float, here: Array, chord_m: float, directi
 def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: float, direction: int,
           arcs_m: tuple[Floats, float, float]) -> tuple[Floats, int]:
     """Find the positions that ``Track._cut`` would return for many points, using bracketed Newton iteration."""
-    (near, far), (gone, reach, margin_m) = ends, arcs_m
+    (near, far), (arc_m, reach, margin_m) = ends, arcs_m
     rate, sense = abs(float(segment.rate(near))), 1.0 if far > near else -1.0
-    left, margin = np.maximum(reach - gone, 0.0), margin_m / rate
+    left, margin = np.maximum(reach - arc_m, 0.0), margin_m / rate
     along = np.abs(segment.after(segment.metres(near) + direction * left) - near)
     most = np.minimum(along + margin, abs(far - near))
-    low, high = np.full_like(gone, -margin), most
+    low, high = np.full_like(arc_m, -margin), most
     x = np.clip(_guessed(segment, near, here, chord_m, direction) / rate, low, most)
     last, spent = most + margin, 0
     for _ in range(80):
@@ -440,15 +440,16 @@ def _segment(piece: Piece, start: complex, heading: complex, open_ended: bool) -
         return ArcSegment(start, heading, piece.radius_m, side, -inf if open_ended else 0.0,
                           abs(radians(piece.angle_deg)))
     curve = SpiralCurve(piece.pitch_m, 2 * pi * piece.from_turns)
-    way = BEHIND if piece.to_turns < piece.from_turns else 1
-    side = 1 if (piece.side == 'left') == (way == 1) else -1
+    winding = BEHIND if piece.to_turns < piece.from_turns else 1
+    side = 1 if (piece.side == 'left') == (winding == 1) else -1
     theta, last = curve.start, 2 * pi * piece.to_turns
-    bare = SpiralSegment(curve, 0j, 1 + 0j, side, way, theta, last)
+    bare = SpiralSegment(curve, 0j, 1 + 0j, side, winding, theta, last)
     point, direction = bare.posed(theta, _turned(side * piece.from_turns))
     rotation = heading / direction
     rotation /= abs(rotation)
     centre = start - rotation * point
-    return SpiralSegment(curve, centre, rotation, side, way, inf if open_ended and way == BEHIND else theta, last)
+    first = inf if open_ended and winding == BEHIND else theta
+    return SpiralSegment(curve, centre, rotation, side, winding, first, last)
 
 
 def _end_of(piece: Piece, segment: Segment) -> tuple[complex, complex]:

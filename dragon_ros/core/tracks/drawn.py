@@ -65,23 +65,23 @@ class SmoothPart:
     @property
     def is_straight(self) -> bool:
         """Whether the part is a line; a shortened curve may also have only two points, but its headings differ."""
-        way = self.points[-1] - self.points[0]
-        return len(self.points) == 2 and bool(np.all(np.abs(self.headings - way / abs(way)) < _SAME))
+        chord = self.points[-1] - self.points[0]
+        return len(self.points) == 2 and bool(np.all(np.abs(self.headings - chord / abs(chord)) < _SAME))
 
     @cached_property
-    def gone_m(self) -> Floats:
+    def points_at_m(self) -> Floats:
         """Distances (n,) of the points along the part."""
-        return gone_m(self.points)
+        return along_line_m(self.points)
 
 
-def gone_m(points: Complexes) -> Floats:
+def along_line_m(points: Complexes) -> Floats:
     """Return the distances of points (n,) along the line through them."""
     return np.concatenate(([0.0], np.cumsum(np.abs(np.diff(points)))))
 
 
 def _stretch(points: Complexes, headings: Complexes) -> SmoothPart:
     """Return a smooth part that keeps all drawn points."""
-    return SmoothPart(points, headings, points, gone_m(points))
+    return SmoothPart(points, headings, points, along_line_m(points))
 
 
 @dataclass(frozen=True)
@@ -195,11 +195,11 @@ def along(parts: Sequence[DrawnPart], radius_m: float, least_m: float, tolerance
     best: Route | None = None
     refused: InputError | None = None
     attempts = _attempts(parts)
-    for share, way in attempts:
+    for share, smoothing in attempts:
         work = Work(limit, len(attempts))
         try:
-            stretches = [stretch for one in parts for stretch in _stretches(one, share * tolerance_m, tolerance_m, way,
-                                                                            work)]
+            stretches = [stretch for one in parts
+                         for stretch in _stretches(one, share * tolerance_m, tolerance_m, smoothing, work)]
             found = _within_tolerance(stretches, radius_m, least_m, (1 - share - _THINNED) * tolerance_m, tolerance_m,
                                       work)
         except WorkError as error:
@@ -222,7 +222,7 @@ def along(parts: Sequence[DrawnPart], radius_m: float, least_m: float, tolerance
 
 
 def _attempts(parts: Sequence[DrawnPart]) -> list[tuple[float, str]]:
-    """Return the shares of the tolerance for smoothing, each with the way of smoothing, in the order to try them.
+    """Return the shares of the tolerance for smoothing, each with what is smoothed, in the order to try them.
 
     'points' smooths waves of a few points; 'waves' those of any length, and draws few straight lines; 'corners' keeps
     the points, as corners.
@@ -254,14 +254,14 @@ def _within_tolerance(stretches: Sequence[SmoothPart], radius_m: float, least_m:
     return best or found
 
 
-def _stretches(part: DrawnPart, eased_m: float, tolerance_m: float, way: str, work: Work) -> list[SmoothPart]:
+def _stretches(part: DrawnPart, eased_m: float, tolerance_m: float, smoothing: str, work: Work) -> list[SmoothPart]:
     if isinstance(part, Cubic | EllipseArc):
         stretch = part.stretch(_FINE * tolerance_m)
         work.spend(len(stretch.points))
         return [stretch]
-    if way == 'corners':
+    if smoothing == 'corners':
         return _through(part, part, np.arange(len(part)), 0.0, 0.0, work)
-    if way == 'waves':
+    if smoothing == 'waves':
         eased, owners = _smoothed(part, eased_m, work)
         return _through(part, eased, owners, 0.0, _SIMPLIFIED * tolerance_m, work)
     work.spend(_PASSES * len(part) // 10 if eased_m else 0)
@@ -320,9 +320,9 @@ class _Legs:
 
     def distances_m(self, points: Complexes, leg: Ints) -> Floats:
         """Return the distances of points (n,) from as many legs."""
-        way, here = self.stop[leg] - self.begin[leg], points - self.begin[leg]
-        share = np.clip((here * way.conjugate()).real / np.maximum(np.abs(way) ** 2, _TINY_M), 0.0, 1.0)
-        out: Floats = np.abs(here - share * way)
+        chord, here = self.stop[leg] - self.begin[leg], points - self.begin[leg]
+        share = np.clip((here * chord.conjugate()).real / np.maximum(np.abs(chord) ** 2, _TINY_M), 0.0, 1.0)
+        out: Floats = np.abs(here - share * chord)
         return out
 
 
@@ -361,20 +361,20 @@ def _through(drawn: Complexes, eased: Complexes, owners: Ints, tolerance_m: floa
     corners = np.flatnonzero(np.maximum(long[1:], long[:-1]) * turns / 8 > tolerance_m) + 1
     work.spend(_ATTEMPT * len(corners))
     ends = [0, *corners.tolist(), len(numbers) - 1]
-    along_m, eased_m = _along_m(drawn, eased, owners), gone_m(eased)
+    along_m, eased_m = _along_m(drawn, eased, owners), along_line_m(eased)
     return [_curve(drawn, along_m, eased, eased_m, numbers[first:last + 1]) for first, last in pairwise(ends)]
 
 
 def _along_m(drawn: Complexes, eased: Complexes, owners: Ints) -> Floats:
     """Return the distances (n,) along a smoothed line of the places next to the original points, in order."""
-    at_m, legs = gone_m(eased), np.diff(eased)
+    at_m, legs = along_line_m(eased), np.diff(eased)
     long = np.maximum(np.abs(legs), _TINY_M)
     best, away = np.zeros(len(drawn)), np.full(len(drawn), inf)
     for side in (-1, 0):
         leg = np.clip(owners + side, 0, len(legs) - 1)
-        way = legs[leg] / long[leg]
-        along = np.clip(((drawn - eased[leg]) * way.conjugate()).real, 0.0, long[leg])
-        off = np.abs(drawn - eased[leg] - along * way)
+        direction = legs[leg] / long[leg]
+        along = np.clip(((drawn - eased[leg]) * direction.conjugate()).real, 0.0, long[leg])
+        off = np.abs(drawn - eased[leg] - along * direction)
         best, away = np.where(off < away, at_m[leg] + along, best), np.minimum(off, away)
     out: Floats = np.maximum.accumulate(best)
     return out
@@ -409,22 +409,23 @@ def _curve(drawn: Complexes, along_m: Floats, eased: Complexes, eased_m: Floats,
     """Return a smooth part through points; headings are tangent to circles through each point and its neighbours."""
     points = eased[numbers]
     legs = np.diff(points)
-    long, ways = np.abs(legs), legs / np.abs(legs)
+    long, directions = np.abs(legs), legs / np.abs(legs)
     ends_m = eased_m[numbers]
     between = np.arange(np.searchsorted(along_m, ends_m[0]), np.searchsorted(along_m, ends_m[-1], side='right'))
-    at_m = np.interp(along_m[between], ends_m, gone_m(points))
+    at_m = np.interp(along_m[between], ends_m, along_line_m(points))
     if len(points) == 2:
-        return SmoothPart(points, np.repeat(ways, 2), drawn[between], at_m)
-    inner = ways[:-1] * long[1:] + ways[1:] * long[:-1]
-    inner = np.where(np.abs(inner) > _SAME * (long[1:] + long[:-1]), inner, 1j * ways[:-1])
+        return SmoothPart(points, np.repeat(directions, 2), drawn[between], at_m)
+    inner = directions[:-1] * long[1:] + directions[1:] * long[:-1]
+    inner = np.where(np.abs(inner) > _SAME * (long[1:] + long[:-1]), inner, 1j * directions[:-1])
     inner /= np.abs(inner)
-    first, last = ways[0] ** 2 / inner[0], ways[-1] ** 2 / inner[-1]    # the same angle on the other side of the leg
+    # the same angle on the other side of the leg
+    first, last = directions[0] ** 2 / inner[0], directions[-1] ** 2 / inner[-1]
     return SmoothPart(points, np.concatenate(([first], inner, [last])), drawn[between], at_m)
 
 
 def _one_of(parts: list[SmoothPart]) -> SmoothPart:
     """Return successive parts as one."""
-    begins_m = np.cumsum([0.0, *(one.gone_m[-1] for one in parts[:-1])])
+    begins_m = np.cumsum([0.0, *(one.points_at_m[-1] for one in parts[:-1])])
     return SmoothPart(np.concatenate([parts[0].points[:1], *(one.points[1:] for one in parts)]),
                       np.concatenate([parts[0].headings[:1], *(one.headings[1:] for one in parts)]),
                       np.concatenate([one.drawn for one in parts]),
@@ -440,7 +441,7 @@ class _SmoothLine:
         self.reaches_m: dict[tuple[tuple[float, float], float], float | None] = {}      # keyed by position and radius
         self._absorb_kinks()
         self._join_curves()
-        self.begins_m = np.concatenate(([0.0], np.cumsum([one.gone_m[-1] for one in self.stretches])))
+        self.begins_m = np.concatenate(([0.0], np.cumsum([one.points_at_m[-1] for one in self.stretches])))
 
     @property
     def length_m(self) -> float:
@@ -478,8 +479,8 @@ class _SmoothLine:
         k = int(np.searchsorted(self.begins_m, at_m, side='right' if after else 'left')) - 1
         k = min(max(k, 0), len(self.stretches) - 1)
         one, here = self.stretches[k], at_m - self.begins_m[k]
-        n = min(max(int(np.searchsorted(one.gone_m, here)) - 1, 0), len(one.points) - 2)
-        low, high = one.gone_m[n:n + 2]
+        n = min(max(int(np.searchsorted(one.points_at_m, here)) - 1, 0), len(one.points) - 2)
+        low, high = one.points_at_m[n:n + 2]
         part = min(max((here - low) / (high - low), 0.0), 1.0)
         heading = one.headings[n] + part * (one.headings[n + 1] - one.headings[n])
         if not heading:
@@ -488,17 +489,17 @@ class _SmoothLine:
 
     def between(self, low_m: float, high_m: float) -> list[tuple[float, SmoothPart]]:
         """Return the smooth parts between two distances, clipped to them, each with the distance at which it begins."""
-        out, hair, near = [], _SAME * self.length_m, self._near(low_m, high_m)
+        out, same_m, near = [], _SAME * self.length_m, self._near(low_m, high_m)
         for begin, one in zip(self.begins_m[near].tolist(), self.stretches[near], strict=False):
-            first, last = max(low_m, begin), min(high_m, begin + float(one.gone_m[-1]))
-            if last - first > hair:
+            first, last = max(low_m, begin), min(high_m, begin + float(one.points_at_m[-1]))
+            if last - first > same_m:
                 out.append((first, self._cut(begin, one, first, last)))
         return out
 
     def _cut(self, begin: float, one: SmoothPart, first: float, last: float) -> SmoothPart:
         (a, at), (b, to) = self.pose(first, True), self.pose(last, False)
-        hair = _SAME * self.length_m
-        inner = (one.gone_m > first - begin + hair) & (one.gone_m < last - begin - hair)
+        same_m = _SAME * self.length_m
+        inner = (one.points_at_m > first - begin + same_m) & (one.points_at_m < last - begin - same_m)
         points, headings = one.points[inner], one.headings[inner]
         return _stretch(np.concatenate(([a], points, [b])), np.concatenate(([at], headings, [to])))
 
@@ -692,13 +693,13 @@ def _fit(drawn: _SmoothLine, blends: list[_Blend], tolerance_m: float,
     for low, high in zip(ends[::2], ends[1::2], strict=True):
         for begin, one in drawn.between(low, high):
             if one.is_straight:
-                way = complex(one.points[1] - one.points[0])
-                bow = Bow(complex(one.points[0]), way / abs(way), abs(way), 0.0)
-                parts.append(_FittedArcs(begin, begin + abs(way), (bow,)))
+                line = complex(one.points[1] - one.points[0])
+                bow = Bow(complex(one.points[0]), line / abs(line), abs(line), 0.0)
+                parts.append(_FittedArcs(begin, begin + abs(line), (bow,)))
                 continue
             found = fitted(one.points, one.headings, tolerance_m, least_m, drawn.work.spend)
             for (first, last), bows in zip(found.spans, found.biarcs, strict=True):
-                span = begin + float(one.gone_m[first]), begin + float(one.gone_m[last])
+                span = begin + float(one.points_at_m[first]), begin + float(one.points_at_m[last])
                 if bows is None:
                     tight.append(span)
                 else:
@@ -761,14 +762,14 @@ def _farthest_m(line: Complexes, other: Complexes) -> float:
 
 def _shift_m(bows: list[Bow], laid: list[Bow]) -> float:
     """Return how far the ends of pieces move when each piece starts at the end pose of the previous piece."""
-    gone = np.cumsum([bow.length_m for bow in bows])
+    ends_m = np.cumsum([bow.length_m for bow in bows])
     ends = np.array([bow.end for bow in bows])
     at, heading, along, worst = laid[0].start, laid[0].heading, 0.0, 0.0
     for one in laid:
         bow = Bow(at, heading, one.length_m, one.angle_rad)
         at, heading, along = bow.end, bow.leaving, along + one.length_m
-        k = int(np.clip(np.searchsorted(gone, along), 1, len(gone) - 1)) if len(gone) > 1 else 0
-        k -= bool(k and along - gone[k - 1] < gone[k] - along)
+        k = int(np.clip(np.searchsorted(ends_m, along), 1, len(ends_m) - 1)) if len(ends_m) > 1 else 0
+        k -= bool(k and along - ends_m[k - 1] < ends_m[k] - along)
         worst = max(worst, abs(ends[k] - at))
     return worst
 

@@ -274,15 +274,15 @@ def first_peak(theta: float, low: float) -> tuple[float, int]:
 class SpiralSegment:
     """A part of the spiral r = pitch / 2 pi * theta about ``centre``, rotated by ``rotation``.
 
-    ``side`` is 1 if the spiral winds out to the left, and -1 otherwise. ``way`` is 1 if the head winds out, and -1 if
-    it winds in. The anchor is at ``curve.start``.
+    ``side`` is 1 if the spiral winds out to the left, and -1 otherwise. ``winding`` is 1 if the head winds out, and -1
+    if it winds in. The anchor is at ``curve.start``.
     """
 
     curve: SpiralCurve
     centre: complex
     rotation: complex
     side: int
-    way: int
+    winding: int
     first: float
     last: float
 
@@ -298,7 +298,7 @@ class SpiralSegment:
 
     @cached_property
     def _ahead(self) -> complex:
-        return self.rotation * self.way
+        return self.rotation * self.winding
 
     def at(self, u: Any) -> Any:
         """Return the point."""
@@ -321,11 +321,11 @@ class SpiralSegment:
     def rate(self, u: Any) -> Any:
         """Return the distance in metres per radian."""
         root = sqrt if type(u) is float else np.sqrt
-        return self.way * self.curve.b_m * root(1 + u * u)
+        return self.winding * self.curve.b_m * root(1 + u * u)
 
     def metres(self, u: Any) -> Any:
         """Return the distance from the anchor to u."""
-        return -self.way * self.curve.distance_to(u)
+        return -self.winding * self.curve.distance_to(u)
 
     def metres_between(self, a: Any, b: float) -> Any:
         """Return the length between two coordinates, computed without cancellation."""
@@ -334,11 +334,11 @@ class SpiralSegment:
     def curvature(self, u: Any) -> Any:
         """Return the signed curvature (1/m), which is 0 at infinity."""
         square = 1 + u * u
-        return self.side * self.way / self.curve.b_m * (1 + 1 / square) / np.sqrt(square)
+        return self.side * self.winding / self.curve.b_m * (1 + 1 / square) / np.sqrt(square)
 
     def after(self, metres: Any) -> Any:
         """Return the coordinate at a distance in metres from the anchor."""
-        return self.curve.inward(-self.way * metres)
+        return self.curve.inward(-self.winding * metres)
 
     def far_m(self, a: float, b: float) -> float:
         """Return an upper bound on the distance from the origin to the segment between two coordinates."""
@@ -353,7 +353,7 @@ class SpiralSegment:
 
         Outwards, ``chord_m`` is one value for all positions or one for each.
         """
-        sense, chord = float(direction * self.way), chord_m / self.curve.b_m
+        sense, chord = float(direction * self.winding), chord_m / self.curve.b_m
         guess = None
         if len(past.squares) == 3:      # the parabola through the last three
             square = 3 * (past.squares[0] - past.squares[1]) + past.squares[2]
@@ -379,7 +379,7 @@ class SpiralSegment:
 
     def march(self, u: float, links_m: list[float], direction: int, edge: float) -> tuple[list[float], int]:
         """Return the coordinates of at most ``len(links_m)`` further handles; the loop creates no objects."""
-        sense, b_m, out, spent = float(direction * self.way), self.curve.b_m, list[float](), 0
+        sense, b_m, out, spent = float(direction * self.winding), self.curve.b_m, list[float](), 0
         bound, arc, furthest = edge * sense, 0.0 if sense > 0 else self._arc(max(links_m)), _TAME_RAD
         before = d1 = d2 = d3 = rest = 0.0
         for link_m in links_m:

@@ -28,7 +28,7 @@ def metres(segment, u):
     if isinstance(segment, ArcSegment):
         return u * mpf(segment.radius_m)
     b = mpf(segment.curve.pitch_m) / (2 * mp.pi)
-    return segment.way * b / 2 * (u * mpmath.sqrt(1 + u * u) + mpmath.asinh(u))
+    return segment.winding * b / 2 * (u * mpmath.sqrt(1 + u * u) + mpmath.asinh(u))
 
 
 def root(function, start):

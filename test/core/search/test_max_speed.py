@@ -56,7 +56,7 @@ def test_led_by_the_tail_the_fastest_handle_is_numbered_from_the_head():
     scene = Scene(dragon=Dragon(60), track=replace(TURNING.track, before_m=-30.0), head=Head(1.0, 'tail'),
                   run=Run(0, 10))
     found = max_speed(scene)
-    v = velocity_of(scene, states(scene, [found.gone_m]), [found.gone_m])[0]
+    v = velocity_of(scene, states(scene, [found.travel_m]), [found.travel_m])[0]
     assert np.argmax(np.hypot(v[:, 0], v[:, 1])) == pytest.approx(found.handle, abs=1)
 
 
@@ -81,7 +81,7 @@ def check(scene, found, count=200):
     assert seen <= found.bound * top * (1 + 1e-9)       # batched states are accurate but not bit-identical
     assert leader <= top * (1 + 1e-15)
     assert found.ratio <= found.bound
-    t_s = _when(scene, found.gone_m)
+    t_s = _when(scene, found.travel_m)
     chain = compile_scene(scene).model.march(scene.head.travelled_m(t_s))
     speed = np.hypot(*chain.velocities(1.0)[found.handle])
     assert found.ratio <= speed * (1 + 1e-6 * speed**2)     # the leader's position error is 1e-14 of the run's length
@@ -154,7 +154,7 @@ def test_far_from_the_lock_and_on_the_way_out_the_head_is_the_fastest():
 
 def test_a_tail_that_leads_out_of_a_spiral_is_slower_than_its_head_and_most_at_the_start():
     found = answer('unwinding behind the tail')
-    assert (found.handle, found.gone_m) == (0, 0.0)
+    assert (found.handle, found.travel_m) == (0, 0.0)
     assert found.ratio > 1
 
 
@@ -196,7 +196,7 @@ def test_of_a_leader_that_rests_the_ratio_is_that_of_its_place(law):
 
 def test_a_run_that_starts_late_is_asked_from_there():
     late = max_speed(Scene(Dragon(30), STurn(before_m=10.0), run=Run(35.0, 60.0)))
-    assert late.gone_m >= 35.0
+    assert late.travel_m >= 35.0
     assert late.ratio < max_speed(Scene(Dragon(30), STurn(before_m=10.0), run=Run(0.0, 60.0))).ratio
 
 
