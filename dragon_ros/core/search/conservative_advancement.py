@@ -330,9 +330,13 @@ class WholeChain:
         """Yield the cleared intervals for the certificate."""
         if not self._rows:
             return
-        ends = np.array([row[:2] for row in self._rows]).reshape(-1, 2)
-        heads_m = self._domain.heads_m(ends).tolist()
-        for (start_m, stop_m), (_, _, bound_m) in zip(heads_m, self._rows, strict=True):
+        domain, ends_m = self._domain, np.array([row[:2] for row in self._rows])
+        if self._domain.leader.direction == BEHIND:
+            heads_m = domain.leader.start_m + ends_m
+        else:
+            chain = domain.chains(ends_m.ravel())
+            heads_m = domain.track.distances(chain.segment[:, 0], chain.u[:, 0]).reshape(-1, 2)
+        for (start_m, stop_m), (_, _, bound_m) in zip(heads_m.tolist(), self._rows, strict=True):
             yield Interval(start_m, stop_m, bound_m)
 
     def _go_on(self, start_m: float, stop_m: float, finest_m: tuple[float, ...]) -> None:

@@ -22,10 +22,9 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.search.conservative_advancement import WholeChain
+from dragon_ros.core.search.first_contact import ContactSearch, gap_at, touch_in
 from dragon_ros.core.search.near_misses import lowest
 from dragon_ros.core.search.search_domain import Bracket, Pair, RangeOfTravel, SearchDomain
-from dragon_ros.core.search.touch import touch_in
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve
 
@@ -122,9 +121,7 @@ class _Runs:
 
     def bracket(self, domain: SearchDomain) -> Bracket | None:
         """Return the first part of a run that cannot be cleared; None proves that the run has no contact."""
-        if np.any(domain.near(domain.start_m)[1] <= 0):
-            return Bracket(domain.start_m, domain.start_m)
-        return WholeChain(domain).clear(domain.stop_m)
+        return ContactSearch(domain).bracket()
 
     def closest(self, domain: SearchDomain, pair: Pair, travel_m: float) -> _Closest:
         """Return the smallest gap of a pair within a bench's length of a leader position."""
@@ -132,7 +129,7 @@ class _Runs:
         ends = (np.clip([end], domain.start_m, domain.stop_m) for end in (travel_m - reach_m, travel_m + reach_m))
 
         def gaps(places: Floats) -> Floats:
-            return np.array([domain.gap(pair, place) for place in places.tolist()])
+            return np.array([gap_at(domain, pair, place) for place in places.tolist()])
 
         place, gap_m = lowest(gaps, *ends)
         return _Closest(pair, float(gap_m[0]), hypot(*domain.chain(float(place[0])).p[0]))

@@ -11,29 +11,24 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from math import inf, ulp
+from math import inf
 from typing import TYPE_CHECKING, NamedTuple, Optional
 
 import numpy as np
 
-from dragon_ros.core.chain.chain import Chain, marched, marched_many, stack
+from dragon_ros.core.chain.chain import Chain, marched_many, stack
 from dragon_ros.core.chain.commanded import HeadLaw
 from dragon_ros.core.chain.head_law import Head
-from dragon_ros.core.geometry.broad_phase import candidates, default_reach_m
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of, corner_levers
-from dragon_ros.core.geometry.signed_distance import gap_of, gaps
 from dragon_ros.core.model import Simulation
 from dragon_ros.core.numerics.roots import bracketed_newton, illinois
-from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.segments import BEHIND
 
 if TYPE_CHECKING:       # scenes without a venue do not need this module
     from dragon_ros.core.geometry.venue import Surroundings
 
 _SLACK_M, _PROMISES = 1e-9, 8   # slack of a claim: leader travel in metres, or this many promises if that is more
-_WIDEST, _NEAR = 1000, 100      # largest slack of a slow approach, and largest gap of a grazing, in such slacks
-_ULPS = 4               # rounding error of a contact's time, in ulps
-_STEP = 1000            # step to either side for slopes, in slacks
 _KEPT = 6               # number of cached chains; the ends of domains and phases are used repeatedly
 _FEW = 12               # up to this number of chains, placing them one by one is faster than placing them together
 _MANY = 30              # above this number of chains, tables are built, which are also used for later chains
@@ -151,7 +146,6 @@ class SearchDomain:
         self.gap_error_m = 2 * self.error_m * float(np.max(corner_levers(self.dragon)))
         self.tolerance_m = 2 * self.gap_error_m
         self.slack_m = max(_SLACK_M, _PROMISES * self.error_m)
-        self.near_m = _NEAR * self.slack_m
         self._kept: dict[float, Chain] = {}
         stop_s = travel.farthest_s(sense)
         self.start_m, self.stop_m = travel.travel_m(travel.start_s), travel.travel_m(stop_s)
@@ -199,13 +193,6 @@ class SearchDomain:
         chain = self.chain(travel_m)
         return self.track.distances(chain.segment, chain.u)
 
-    def heads_m(self, travel_m: Floats) -> Floats:
-        """Return the distances of the head along the track at leader positions (...)."""
-        if self.leader.direction == BEHIND:
-            return np.asarray(self.leader.start_m + travel_m)
-        chain = self.chains(travel_m.ravel())
-        return self.track.distances(chain.segment[:, 0], chain.u[:, 0]).reshape(travel_m.shape)
-
     def travel_at(self, bench: int, along_m: float, within: tuple[float, float]) -> float:
         """Return the distance travelled by the leader when a bench's front handle is ``along_m`` along the track.
 
@@ -224,58 +211,9 @@ class SearchDomain:
             return within[0]
         return within[1] if high == 0 or low * high > 0 else illinois(beyond, *within, low, high)
 
-    def near(self, travel_m: float) -> tuple[Ints, Floats]:
-        """Return the pairs (M, 2) that can touch at a leader position, and their gaps."""
-        chain = self.chain(travel_m)
-        benches = benches_of(chain, self.dragon, axes_of(chain))
-        i, j = candidates(chain.p, benches)
-        pairs, gap_m = np.stack((i, j), axis=1), gaps(benches, i, j)
-        if self.around is None:
-            return pairs, gap_m
-        bench, edge = self.around.near(benches, default_reach_m(benches))
-        return (np.concatenate((pairs, np.stack((bench, edge + self.dragon.benches), axis=1))),
-                np.concatenate((gap_m, self.around.gaps(benches, bench, edge))))
-
     def edge_of(self, pair: tuple[int, int]) -> int | None:
         """Return the edge of a pair, or None for two benches."""
         return pair[1] - self.dragon.benches if pair[1] >= self.dragon.benches else None
-
-    def gap(self, pair: tuple[int, int], travel_m: float) -> float:
-        """Return the gap of a pair at a leader position; only the handles from the leader to the pair are placed."""
-        edge = self.edge_of(pair)
-        last_bench = pair[0] if edge is not None else pair[1]
-        first, last = (0, last_bench + 1) if self.leader.direction == BEHIND else (pair[0], self.dragon.benches)
-        chain = marched(self.track, self.dragon.link_lengths_m[first:last], self.leader.place(travel_m),
-                        self.leader.direction)
-        half_length = 0.5 * self.dragon.bench_lengths_m[first:last]
-        centre = 0.5 * (chain.p[:-1] + chain.p[1:])
-        benches = Benches(centre, axes_of(chain), half_length, np.full(half_length.size, 0.5 * self.dragon.width_m))
-        if edge is not None and self.around is not None:
-            return float(self.around.gaps(benches, np.array([pair[0] - first]), np.array([edge]))[0])
-        return gap_of(benches, pair[0] - first, pair[1] - first)
-
-    def root(self, pair: tuple[int, int], bracket: Bracket) -> float:
-        """Return the position in a bracket where a pair's gap becomes zero; if there is none, return an end."""
-        low, high = (self.gap(pair, end) for end in bracket[:2])
-        if high > 0 or bracket.clear_m == bracket.other_m:
-            return bracket.other_m
-        return bracket.clear_m if low <= 0 else illinois(
-            lambda travel_m: self.gap(pair, travel_m), *bracket[:2], low, high)
-
-    def slope(self, pair: tuple[int, int], travel_m: float) -> float:
-        """Return the decrease of a gap per metre of leader travel."""
-        (low, high), step_m = sorted((self.start_m, self.stop_m)), _STEP * self.slack_m
-        early, late = max(low, travel_m - step_m), min(high, travel_m + step_m)
-        return self.sense * (self.gap(pair, early) - self.gap(pair, late)) / (late - early) if late > early else 0.0
-
-    def slack_at_m(self, t_s: float, slope: float) -> float:
-        """Return how far before and after a contact nothing is claimed, for a gap that closes by ``slope`` per metre.
-
-        This is one slack, or more if the time is not known as precisely, or if the gap closes so slowly that it stays
-        within its error for longer.
-        """
-        slow_m = 2 * self.tolerance_m / slope if slope > 0 else 0.0
-        return min(max(self.slack_m, _ULPS * ulp(t_s) * self.speed_m_s(t_s), slow_m), _WIDEST * self.slack_m)
 
     def time_s(self, travel_m: float) -> float:
         """Return when the leader has first travelled a distance."""
@@ -296,10 +234,6 @@ class SearchDomain:
         """
         if self.start_m == self.stop_m:
             return 0.0
-        left_m = self.left_m(self.travel_m(t_s), self.sense)
+        travel_m, limit = self.travel_m(t_s), self.simulation.model.limits[self.sense > 0]
+        left_m = self.sense * (limit.travel_m - travel_m) if limit else inf
         return max(0.0, min(left_m, self._travel.onwards_m(t_s, self.sense)))
-
-    def left_m(self, travel_m: float, sense: int) -> float:
-        """Return how far the model continues from a leader position in one sense."""
-        limit = self.simulation.model.limits[sense > 0]
-        return sense * (limit.travel_m - travel_m) if limit else inf

@@ -6,9 +6,8 @@ import pytest
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.core.search.first_contact import first_contact, gap_at, slack_at_m, slope_of, touch_in
 from dragon_ros.core.search.search_domain import Bracket, RangeOfTravel, SearchDomain
-from dragon_ros.core.search.touch import touch_in
 from dragon_ros.core.tracks.spec import Spiral
 
 
@@ -28,25 +27,25 @@ def met():
 def test_the_gap_closes_at_the_contact_as_its_differences_say(scene):
     found, domain = first_contact(scene), domain_of(scene)
     travel_m, step_m = domain.travel_m(found.t_s), 1e-4
-    early, late = (domain.gap(found.benches, travel_m + sense * step_m) for sense in (-1, 1))
+    early, late = (gap_at(domain, found.benches, travel_m + sense * step_m) for sense in (-1, 1))
     slope = (early - late) / (2 * step_m)
-    assert domain.slope(found.benches, travel_m) == pytest.approx(slope, rel=1e-3)
+    assert slope_of(domain, found.benches, travel_m) == pytest.approx(slope, rel=1e-3)
     assert found.approach_m_s == pytest.approx(slope, rel=1e-3)
 
 
 def test_the_slack_is_a_nanometre_and_wider_for_late_times_and_slow_approaches_up_to_a_micrometre(met):
     domain, _ = met
     assert domain.slack_m == 1e-9
-    assert domain.slack_at_m(412.0, 1.0) == 1e-9
-    assert domain.slack_at_m(2.0**24, 1.0) == 2.0**-26          # four ulps at 1 m/s
-    assert domain.slack_at_m(412.0, 1e-3) == pytest.approx(2e3 * domain.tolerance_m)
-    assert domain.slack_at_m(412.0, 1e-9) == pytest.approx(1e-6)
+    assert slack_at_m(domain, 412.0, 1.0) == 1e-9
+    assert slack_at_m(domain, 2.0**24, 1.0) == 2.0**-26          # four ulps at 1 m/s
+    assert slack_at_m(domain, 412.0, 1e-3) == pytest.approx(2e3 * domain.tolerance_m)
+    assert slack_at_m(domain, 412.0, 1e-9) == pytest.approx(1e-6)
 
 
 def test_a_contact_is_claimed_where_benches_overlap_a_slack_further_on_and_all_is_clear_a_slack_before(met):
     domain, touch = met
     assert (touch.pair, touch.grazing_m, touch.holds) == ((0, 8), None, True)
-    before, after = (domain.gap(touch.pair, touch.travel_m + sense * touch.slack_m) for sense in (-1, 1))
+    before, after = (gap_at(domain, touch.pair, touch.travel_m + sense * touch.slack_m) for sense in (-1, 1))
     assert after < 0 < before
     here_m = domain.travel_m(touch.t_s)
     for back, proved in ((0.999, True), (1.001, False)):
@@ -60,4 +59,4 @@ def test_a_pair_further_apart_than_a_grazing_is_none():
     assert passed.pair == (0, 11)
     assert passed.grazing_m == pytest.approx((0.865e-3, 0.865e-3), abs=1e-6)
     assert not passed.holds
-    assert domain.near_m == pytest.approx(1e-7)
+    assert passed.slack_m == pytest.approx(1e-7)
