@@ -168,8 +168,7 @@ def limits() -> str:
     """Return the budgets for untrusted input."""
     rows = [(one.bounds, _amount(getattr(module, one.name), one.unit), one.beyond)
             for module in (budgets, contest_budgets) for one in module.LIMITS]
-    checked = [('a certificate', _amount(reading.MOST_BYTES, 'bytes'), 'rejected'),
-               ('the intervals of a certificate', _amount(reading.MOST_ROWS, 'intervals'), 'rejected')]
+    checked = [('a certificate', _amount(reading.MOST_BYTES, 'bytes'), 'rejected')]
     return table('quantity | at most | beyond it', [*rows, *checked])
 
 

@@ -4,24 +4,16 @@ A comparison of balls is true only if it holds for all numbers in the balls; com
 claim is therefore tested by the comparison that proves it, never by the failure of the opposite comparison.
 """
 from fractions import Fraction
-from math import hypot, inf, isfinite, nextafter
+from math import hypot, inf, nextafter
 
 from flint import acb, arb, ctx, fmpq
 
 from dragon_ros.verify.errors import Refused
 
-BITS = 128          # precision of a midpoint; tracks that are far out or many links long need more (``precise``)
+ctx.prec = 192      # bits of a midpoint: 128, and twice the 25 that count the smallest links on the longest track
 UNIT = arb(0, 1)    # [-1, 1]
-
-
-def precise(ratio: float) -> None:
-    """Set the precision so that large coordinates have as many fractional bits as coordinates of a link's size."""
-    ctx.prec = BITS + 2 * int(ratio).bit_length() if isfinite(ratio) else 4 * BITS
-
-
-def half_turn() -> arb:
-    """Return a ball that contains pi, at the current precision."""
-    return arb.pi()
+PI = arb.pi()
+ROUNDED = 1e-12     # more than the error of a distance after a dozen float operations, relative to coordinates
 
 
 def exact(value: float | Fraction) -> arb:

@@ -2,8 +2,7 @@
 
 The positions of the benches behind a bench depend only on its front handle and on their lengths. Benches that are
 followed by matching sequences of lengths therefore form a class. The first bench of a class clears the track for the
-whole class: at each position it is tested against as many benches behind it as any bench of the class has there. The
-intervals of a certificate suggest where to cut.
+whole class: at each position it is tested against as many benches behind it as any bench of the class has there.
 """
 import time
 from bisect import bisect_left, bisect_right
@@ -180,22 +179,21 @@ class Cover:
         """Store the track and the dragon; ``bend`` is the largest curvature, or None if handles may turn back."""
         self._track, self._dragon, self._bend, self.budget, self._tell = track, dragon, bend, budget, progress
 
-    def clear(self, every: Sequence[Way], hints: dict[int, list[float]]) -> None:
+    def clear(self, every: Sequence[Way]) -> None:
         """Clear all positions. Raises Refused for the first position that cannot be proved clear."""
         parts = [(way, part) for way in every for part in way.parts]
         whole_m = sum(above(high - low) for _, (low, high) in parts)
-        joints = {cut for joint in self._track.joints for cut in (below(joint), above(joint))}
-        cuts = {way.lead: sorted(joints.union(hints.get(way.lead, ()))) for way in every}
+        joints = sorted({cut for joint in self._track.joints for cut in (below(joint), above(joint))})
         self.budget.since, self.budget.share, done_m = self.budget.spent, 0.0, 0.0
         self._tell(0.0, whole_m, self.budget.advice)
         for way, (low, high) in parts:
-            for cleared_m in self._clear(way, low, high, cuts[way.lead]):
+            for cleared_m in self._clear(way, low, high, joints):
                 self.budget.intervals += 1
                 done_m += cleared_m
                 self.budget.share = done_m / whole_m if whole_m else 1.0
                 self._tell(done_m, whole_m, self.budget.advice)
 
-    def _clear(self, way: Way, low: arb, high: arb, cuts: list[float]) -> Iterator[float]:
+    def _clear(self, way: Way, low: arb, high: arb, joints: list[float]) -> Iterator[float]:
         """Clear the interval between two positions in the longest provable parts; yield the parts' lengths (m)."""
         begin, stack = self._posture(way, low), [(low, high, self._posture(way, high))]
         while stack:
@@ -208,7 +206,7 @@ class Cover:
             if not above(high - low) > _FINEST * (1 + abs(float(low))):
                 raise Refused(f'{stuck}, while the front handle of the former is {float(low):.12g} m along the track')
             short = stuck.absent or not high - low > self._dragon.longest_m
-            middle = _middle(low, high, cuts, way.ends(low, high) if short else [])
+            middle = _middle(low, high, joints, way.ends(low, high) if short else [])
             stack += [(middle, high, end), (low, middle, self._posture(way, middle))]
 
     def _posture(self, way: Way, place: arb) -> Posture:
@@ -254,9 +252,12 @@ class Stuck:
         return self.why
 
 
-def _middle(low: arb, high: arb, cuts: list[float], ends: list[arb]) -> arb:
-    """Return where to cut: at one of the limits ``ends`` of ranges, else at a hint, else in the middle."""
+def _middle(low: arb, high: arb, joints: list[float], ends: list[arb]) -> arb:
+    """Return where to cut: at one of the limits ``ends`` of ranges, else at a joint of the track, else in the middle.
+
+    Floats on both sides of each joint are given.
+    """
     if ends:
         return ends[len(ends) // 2]
-    first, last = bisect_right(cuts, above(low)), bisect_left(cuts, below(high))
-    return arb(cuts[(first + last) // 2]) if first < last else (HALF * (low + high)).mid()
+    first, last = bisect_right(joints, above(low)), bisect_left(joints, below(high))
+    return arb(joints[(first + last) // 2]) if first < last else (HALF * (low + high)).mid()

@@ -6,12 +6,13 @@ straight lines between their positions at both ends. An edge line that separates
 ends therefore also separates them in between. By the first-order bound, a gap shrinks by at most the motion of the
 benches. The first-order bound also holds close to a lock, where B does not exist.
 """
+from collections.abc import Callable
 from functools import cached_property
 from math import asin, inf
 
 from flint import acb, arb
 
-from dragon_ros.verify.balls import above, below, hypot_above, size, up
+from dragon_ros.verify.balls import ROUNDED, above, below, hypot_above, size, up
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.motion import (
     Handle,
@@ -23,11 +24,10 @@ from dragon_ros.verify.motion import (
     next_handle,
     next_motion,
 )
-from dragon_ros.verify.posture import AXES, Dragon, Pose, about, overlap, separation
+from dragon_ros.verify.posture import AXES, Dragon, Pose, about, gap, overlap, separation
 from dragon_ros.verify.segments import HALF, SpiralSegment
 from dragon_ros.verify.track import Track
 
-_ROUNDED = 1e-12        # more than the error of a distance after a dozen float operations, relative to coordinates
 _OFTEN = 0.5            # above this ratio to the best separation, the leading bench's frame is tried first
 
 
@@ -118,7 +118,7 @@ class Interval:
         if not turned < 1:
             return False
         lead, other = (self._benches[self._lead + k] for k in (0, n))
-        away_m = self._between_m[n] * (1 - 0.5 * turned * turned) * (1 - _ROUNDED * n)
+        away_m = self._between_m[n] * (1 - 0.5 * turned * turned) * (1 - ROUNDED * n)
         return away_m > up(lead.over_m + other.over_m + other.sizes[1] * turned)
 
     def _turned(self, n: int) -> float:
@@ -155,7 +155,7 @@ class Interval:
             return False
         r, link = below(spiral.b * handle.low), self._dragon.longest_links[self._lead + n]
         inner = max(r * r - 0.25 * link * link, 0.0)**0.5 - self._dragon.overhangs_m[self._lead + n]
-        return bool(inner > self._outer_m(spiral) + _ROUNDED * (abs(r) + link))
+        return bool(inner > self._outer_m(spiral) + ROUNDED * (abs(r) + link))
 
     def _outer_m(self, spiral: SpiralSegment) -> float:
         """Return the largest distance of the leading bench from the centre of a spiral."""
@@ -175,23 +175,7 @@ class Interval:
 
     def _by_bending(self, n: int) -> bool:
         """Return whether an edge line separates two benches at both ends by more than the deviation of the corners."""
-        ends = [(end.pose(0), end.pose(n)) for end in self._ends]
-        rough = [min(both) for both in zip(*(about(*pair) for pair in ends), strict=True)]
-        half = len(AXES) // 2
-        lead, other = (max(range(*part), key=rough.__getitem__) for part in ((0, half), (half, len(AXES))))
-        for k in (lead, other) if rough[lead] > _OFTEN * rough[other] else (other, lead):
-            if rough[k] > 0:
-                sag = self._sag(n, AXES[k].other)
-                if rough[k] > sag and self._parted(ends, k, rough[k], sag):
-                    return True
-        return False
-
-    @staticmethod
-    def _parted(ends: list[tuple[Pose, Pose]], k: int, rough: float, sag: float) -> bool:
-        """Return whether the separations at both ends exceed a bound, using floats if decisive and balls otherwise."""
-        if rough > sag + max(_unsure_m(*pair, sag) for pair in ends):
-            return True
-        return all(below(separation(*pair, AXES[k])) > sag for pair in ends)
+        return parted([(end.pose(0), end.pose(n)) for end in self._ends], lambda other: self._sag(n, other))
 
     def _sag(self, n: int, other: bool) -> float:
         """Return how far corners deviate from straight lines in the frame of the leading or of the other bench."""
@@ -240,19 +224,41 @@ class Interval:
 
     def _by_going(self, n: int) -> bool:
         """Return whether the sum of the gaps at both ends exceeds the motion of both benches in between."""
-        moved = self._moved_m(0) + self._moved_m(n)
-        gaps = 0.0
-        for end in self._ends:
-            pair = end.pose(0), end.pose(n)
-            rough = about(*pair)
-            gaps += below(separation(*pair, AXES[rough.index(max(rough))]))
-        return gaps > up(moved)
+        return kept_apart([(end.pose(0), end.pose(n)) for end in self._ends], self._moved_m(0) + self._moved_m(n))
+
+
+def parted(ends: list[tuple[Pose, Pose]], sag: Callable[[bool], float]) -> bool:
+    """Return whether an edge line separates two benches at both ends by more than the deviation of the corners.
+
+    ``sag(other)`` is a bound on this deviation in the frame of the first or of the other bench.
+    """
+    rough = [min(both) for both in zip(*(about(*pair) for pair in ends), strict=True)]
+    half = len(AXES) // 2
+    lead, other = (max(range(*part), key=rough.__getitem__) for part in ((0, half), (half, len(AXES))))
+    for k in (lead, other) if rough[lead] > _OFTEN * rough[other] else (other, lead):
+        if rough[k] > 0:
+            most = sag(AXES[k].other)
+            if rough[k] > most and _exceeds(ends, k, rough[k], most):
+                return True
+    return False
+
+
+def kept_apart(ends: list[tuple[Pose, Pose]], moved_m: float) -> bool:
+    """Return whether the sum of the gaps of two benches at both ends exceeds the motion of both in between."""
+    return sum(below(gap(*pair)) for pair in ends) > up(moved_m)
+
+
+def _exceeds(ends: list[tuple[Pose, Pose]], k: int, rough: float, sag: float) -> bool:
+    """Return whether the separations at both ends exceed a bound, using floats if decisive and balls otherwise."""
+    if rough > sag + max(_unsure_m(*pair, sag) for pair in ends):
+        return True
+    return all(below(separation(*pair, AXES[k])) > sag for pair in ends)
 
 
 def _unsure_m(one: Pose, two: Pose, reach: float) -> float:
     """Return a bound on the rounding errors, in floats, of a distance or a separation of two benches."""
     lengths = abs(one.near) + abs(two.near) + one.shape.arm_m + two.shape.arm_m
-    return (_ROUNDED * (lengths + reach) + 4 * (one.unsure_m + two.unsure_m) + 4 * (one.unsure + two.unsure) * lengths)
+    return (ROUNDED * (lengths + reach) + 4 * (one.unsure_m + two.unsure_m) + 4 * (one.unsure + two.unsure) * lengths)
 
 
 def size_of(value: acb) -> float:

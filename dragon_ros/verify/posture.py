@@ -139,11 +139,12 @@ class Posture:
             shape = self._benches[self._lead + k]
             front, rear = self.point(k), self.point(k + 1)
             middle, axis = (front + rear) * HALF, (front - rear) * shape.link.inverse
-            self._poses.append(Pose(shape, middle, axis, complex(middle), complex(axis), _width(middle), _width(axis)))
+            self._poses.append(Pose(shape, middle, axis, complex(middle), complex(axis), spread(middle), spread(axis)))
         return self._poses[n]
 
 
-def _width(value: acb) -> float:
+def spread(value: acb) -> float:
+    """Return an upper bound on how far numbers of a complex ball are from its middle."""
     return up(float(value.real.rad()) + float(value.imag.rad()))
 
 

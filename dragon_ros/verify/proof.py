@@ -6,12 +6,12 @@ from math import ulp
 from flint import arb
 
 from dragon_ros.verify.approach import Approach, approaches
-from dragon_ros.verify.balls import above, below, exact, precise, size
-from dragon_ros.verify.cover import Budget, Cover, Progress, Way, repeated, ways
+from dragon_ros.verify.balls import exact, size
+from dragon_ros.verify.cover import Budget, Cover, Progress, ways
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.posture import Dragon, Pose, Posture, gap, overlap
 from dragon_ros.verify.ranges import Range, ranges
-from dragon_ros.verify.reading import Claims, Contact, Pieces, Scene, Spiral, Venue
+from dragon_ros.verify.reading import Claims, Contact, Venue
 from dragon_ros.verify.run import Leader, Run, run_of
 from dragon_ros.verify.segments import SpiralSegment
 from dragon_ros.verify.track import Track, track_of
@@ -24,9 +24,7 @@ _WIDEST, _NEAR = 1000, 100              # largest slack if benches meet slowly, 
 _STEP = 1000                # step for the rate at which a gap closes, in slacks
 _ERRORS = 2                 # errors of a corner in the stated uncertainty of a contact: those of two benches
 _LAST_PLACES = 4            # rounding error of a contact's time, in ulps
-_OVERHANG = 1000            # how far an interval may extend beyond the run's positions, in slacks
 _STEPS = 300_000            # links and pairs: fifteen to thirty seconds; 173,000 suffice for 390 of 391 random runs
-_SHARE = 100                # number of lengths compared per step
 
 
 @dataclass(frozen=True)
@@ -45,7 +43,6 @@ def prove(claims: Claims, effort: float, progress: Progress) -> Proved:
     and advice if the budget is too small at the current rate.
     """
     budget = Budget(int(effort * _STEPS), effort)
-    precise(_far(claims.scene))
     sentence = _Proof(claims, budget, progress).sentence()
     return Proved(sentence, budget.intervals, budget.spent)
 
@@ -64,7 +61,6 @@ class _Proof:
         self._obstacles.edges = Edges(scene.venue or Venue((), None), self._dragon.longest_m)
         self._met: list[Pose] = []
         start = complex(self._track.point(self._track.place_at(self._track.start)))
-        self._repeated = repeated(scene.lengths_m)
         self._promise_m = _promise_m(self._track, abs(start))
 
     def sentence(self) -> str:
@@ -75,7 +71,7 @@ class _Proof:
     def _none(self) -> str:
         """Prove that no benches touch during the run."""
         run = self._run(None)
-        self._clear(run.whole, run.part, run.part)
+        self._clear(run.whole, run.part)
         less = f', less {_metres(run.slack_m)} of leader travel' if run.slack_m else ''
         return (f'{self._clear_words} from {self._scene.start_s!r} s to the end of the run at {run.end_s:.12g} s '
                 f'({run.why}){less}')
@@ -98,7 +94,7 @@ class _Proof:
         else:
             way, touching = self._overlapping(contact, ways, slack_m)
         part = _up_to(run.part, way, slack_m)
-        self._clear(run.whole, part, run.part)
+        self._clear(run.whole, part)
         if part is None:
             return f'the run starts with its contact at {t_s!r} s: {touching}'
         takes = way.takes_s(start_s, slack_m)
@@ -185,24 +181,18 @@ class _Proof:
         raise Refused(f'contact: {_metres(after_m)} of leader travel after {contact.t_s!r} s '
                       f'{_pair(contact)} do not overlap: they are {float(gap(*poses)):.3g} m apart')
 
-    def _clear(self, whole: Range, part: Range | None, spoken: Range) -> None:
-        """Prove that the chain exists throughout the leader's travel, and that no benches touch on a part of it.
-
-        The intervals of the certificate may lie anywhere in ``spoken``, the range that the run covers up to a
-        contact.
-        """
+    def _clear(self, whole: Range, part: Range | None) -> None:
+        """Prove that the chain exists throughout the leader's travel, and that no benches touch on a part of it."""
         places = self._places(whole)
         if part is None:
-            self._hints([], places if spoken == whole else self._places(spoken))
             return
         if part != whole:
             places = self._places(part)
-        every = ways(self._dragon, places)
-        self._cover.clear(every, self._hints(every, places))
+        self._cover.clear(ways(self._dragon, places))
         if self._scene.venue is not None:
             gone = exact(self._scene.law.travel_m(Fraction(self._scene.start_s)))
             head = Posture(self._track, self._dragon, 0, self._track.place_at(self._leader.head(gone)))
-            self._obstacles.clear(ways_by_length(self._dragon, places), {})
+            self._obstacles.clear(ways_by_length(self._dragon, places))
             check_sides(self._scene.venue, head.pose(0))
 
     def _places(self, gone: Range) -> list[Range]:
@@ -211,35 +201,6 @@ class _Proof:
         low, high = ends if not self._scene.tail_leads else ends[::-1]
         self._budget.spend(2 * len(self._dragon.benches))
         return ranges(self._track, self._dragon, low.lower(), high.upper())
-
-    def _last_alike(self, bench: int) -> int:
-        """Return the last bench to which a row for this bench also applies because the same lengths follow."""
-        count = len(self._dragon.benches)
-        self._budget.spend(1 + count // _SHARE)
-        return next(count - m for m in range(1, count - bench + 1) if self._repeated[count - bench - m] >= m)
-
-    def _hints(self, every: list[Way], places: list[Range]) -> dict[int, list[float]]:
-        """Return the cuts that the intervals of the certificate suggest, by the first bench of each class.
-
-        Raises Refused for positions that no bench of an interval passes, because nothing would check these positions.
-        """
-        count, overhang_m = len(self._dragon.benches), _OVERHANG * self._slack_m
-        known = {bench: way.lead for way in every for bench, _ in way.members}
-        out, reach = dict[int, list[float]](), dict[int, tuple[float, float]]()
-        for number, row in enumerate(self._claims.rows):
-            bench = row.lead or 0
-            lead = known.get(bench, bench)
-            low, high = sorted((row.start_m, row.stop_m))
-            if bench not in reach:
-                reach[bench] = below(places[self._last_alike(bench)][0]), above(places[bench][1])
-            least, most = reach[bench]
-            if low < least - overhang_m or high > most + overhang_m:
-                raise Refused(f'intervals[{number}]: from {low!r} to {high!r} m, it exceeds the track that '
-                              f'its benches pass, {least:.12g} to {most:.12g} m')
-            if row.behind > count - 1 - bench:
-                raise Refused(f'intervals[{number}].behind: that bench has only {count - 1 - bench} behind it')
-            out.setdefault(lead, []).extend((row.start_m, row.stop_m))
-        return out
 
 
 def _up_to(part: Range, way: Approach, slack_m: Fraction) -> Range | None:
@@ -254,14 +215,6 @@ def _up_to(part: Range, way: Approach, slack_m: Fraction) -> Range | None:
         low = low.max(exact(way.travel_m + slack_m)).lower()
         low = low if way.earlier is None else low.min(exact(way.earlier[0])).lower()
     return (low, high) if low <= high else None
-
-
-def _far(scene: Scene) -> float:
-    """Return a measure of the precision that a track requires: its approximate length in links, or its turns."""
-    track = scene.track
-    if isinstance(track, Spiral):
-        return track.start_turns
-    return abs(track.start_m if isinstance(track, Pieces) else track.before_m) / max(scene.lengths_m)
 
 
 def _promise_m(track: Track, away_m: float) -> float:

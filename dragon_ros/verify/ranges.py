@@ -9,10 +9,11 @@ from functools import reduce
 
 from flint import arb
 
-from dragon_ros.verify.balls import half_turn
+from dragon_ros.verify.balls import PI
+from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.motion import spiral_slopes
 from dragon_ros.verify.posture import Dragon
-from dragon_ros.verify.segments import HALF, ONE, Link, Locked, SpiralSegment, rises
+from dragon_ros.verify.segments import HALF, ONE, Link, SpiralSegment, rises
 from dragon_ros.verify.track import Place, Track
 
 _HALVINGS = 70          # maximum number of halvings, which reduce a range of a million radians to 1e-15
@@ -70,7 +71,7 @@ def _image(segment: SpiralSegment, low: arb, high: arb, link: Link) -> Range:
                       (middle, right, at_middle, from_right, halvings - 1)]
             continue
         else:
-            raise Locked('a link may lock during the run: its position could not be proved everywhere')
+            raise Refused('a link may lock during the run: its position could not be proved everywhere')
         lows.append(pair[0])
         highs.append(pair[1])
     return reduce(arb.min, lows), reduce(arb.max, highs)
@@ -81,5 +82,5 @@ def _ratio(segment: SpiralSegment, left: arb, right: arb, from_left: arb, from_r
     """Return the ratio of the next handle's speed to this handle's, and whether chords grow up to each span."""
     theta, longest = left.union(right), from_left - left
     slopes = spiral_slopes(segment, theta, longest.union(from_right - right), link)
-    stands = longest < half_turn() or rises(theta, half_turn().lower(), longest.upper())
+    stands = longest < PI or rises(theta, PI.lower(), longest.upper())
     return ONE + slopes.delta_1, stands

@@ -4,7 +4,6 @@ A certificate is untrusted input. A value that cannot belong to a scene is rejec
 unknown key is also rejected, because nothing would check it.
 """
 import json
-import re
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -17,10 +16,8 @@ from typing import Any
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.law import Law
 
-VERSION = 3         # newest supported version; certificates of dragon_ros up to 0.2.0 have no version, which means 1
-_WITH_VENUE = 3     # first version of certificates that may have a venue
+VERSION = 4         # certificates of dragon_ros 0.1 to 0.3 have the versions 1 (which is not written), 2 and 3
 MOST_BYTES = 64 * 2**20
-MOST_ROWS = 250_000
 MOST_CORNERS = 100_000
 _LONGEST_NAME = 100     # characters
 _INSIDE = 'inside'      # name of the outline that benches must not leave
@@ -142,16 +139,6 @@ class Scene:
 
 
 @dataclass(frozen=True)
-class Row:
-    """One interval: the leading bench (None for all benches, by the head's position) and its ends on the track."""
-
-    lead: int | None
-    start_m: float
-    stop_m: float
-    behind: int
-
-
-@dataclass(frozen=True)
 class Contact:
     """The claimed contact of two benches, or of a bench and an obstacle; ``grazing`` contacts are undecided."""
 
@@ -167,8 +154,6 @@ class Claims:
 
     scene: Scene
     contact: Contact | None
-    rows: tuple[Row, ...]
-    version: int
 
 
 def read(path: Path) -> Claims:
@@ -189,8 +174,6 @@ def claims_of(data: bytes) -> Claims:
         values = json.loads(data.decode(), parse_constant=_no_number, parse_int=_whole, object_pairs_hook=_once)
     except (ValueError, RecursionError, MemoryError) as error:
         raise Refused(f'it is not a certificate: {str(error)[:160]}') from None
-    if isinstance(values, dict) and 'family' in values:
-        raise Refused('it is a certificate of a family of dragons; dragon_ros 0.3.0 verifies it')
     return _claims(values)
 
 
@@ -213,35 +196,13 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _claims(values: Any) -> Claims:
-    top = _keys('', values, {'scene', 'contact', 'intervals'}, {'version'})
-    version = int(_number('version', top.get('version', 1), 1, VERSION, whole=True))
+    if isinstance(values, dict) and ('family' in values or values.get('version', 1) in (1, 2, 3)):
+        raise Refused('it is a certificate of dragon_ros 0.1 to 0.3; dragon_ros 0.3.0 verifies it')
+    top = _keys('', values, {'version', 'scene', 'contact'})
+    if not isinstance(top['version'], int) or top['version'] != VERSION:
+        raise Refused(f'version: {_shown(top["version"])} is not {VERSION}, which this checker verifies')
     scene = _scene(top['scene'])
-    if scene.venue and version < _WITH_VENUE:
-        raise Refused(f'scene.venue: certificates with a venue have version {_WITH_VENUE}, but this one has {version}')
-    rows = _list('intervals', top['intervals'], 0, MOST_ROWS)
-    benches = len(scene.lengths_m)
-    return Claims(scene, _contact(top['contact'], scene),
-                  tuple(_row(f'intervals[{n}]', row, benches) for n, row in enumerate(rows)), version)
-
-
-_ROW = {'lead', 'start_m', 'stop_m', 'behind'}
-
-
-def _row(name: str, value: Any, benches: int) -> Row:
-    row = _keys(name, value, _ROW)
-    start_m, stop_m = (_number(f'{name}.{key}', row[key], -1e12, 1e12) for key in ('start_m', 'stop_m'))
-    return Row(_lead(f'{name}.lead', row['lead'], benches), start_m, stop_m,
-               int(_number(f'{name}.behind', row['behind'], 0, benches, whole=True)))
-
-
-def _lead(name: str, value: Any, benches: int) -> int | None:
-    known = re.fullmatch('head|body|all|bench ([0-9]{1,7})', value) if isinstance(value, str) else None
-    if not known:
-        raise Refused(f'{name}: {_shown(value)} is not a valid lead; write head, body, bench N or all')
-    lead = int(known[1]) if known[1] else {'head': 0, 'body': 1, 'all': None}[known[0]]
-    if lead is not None and not lead < max(benches - 2, 2):
-        raise Refused(f'{name}: {value} does not have two benches behind it')
-    return lead
+    return Claims(scene, _contact(top['contact'], scene))
 
 
 def _contact(value: Any, scene: Scene) -> Contact | None:

@@ -11,7 +11,7 @@ from math import cos, pi, sin
 
 from flint import arb
 
-from dragon_ros.verify.balls import certainly, exact, half_turn
+from dragon_ros.verify.balls import PI, certainly, exact
 from dragon_ros.verify.cover import Budget
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.law import Extent, Law, Mark
@@ -177,7 +177,7 @@ def never_reaches(segment: SpiralSegment, theta: arb, link: Link) -> bool:
     last = arb(delta + 1e-3)
     if not _slope(theta, last) < 0:
         return False
-    parts = [(half_turn().lower(), last)]
+    parts = [(PI.lower(), last)]
     while parts:
         low, high = parts.pop()
         both, middle = low.union(high), (HALF * (low + high)).mid()

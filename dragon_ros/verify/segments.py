@@ -9,21 +9,17 @@ from cmath import exp
 from dataclasses import dataclass
 from functools import cached_property
 from math import asin, asinh, pi, sin, sqrt
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from flint import acb, arb
 
-from dragon_ros.verify.balls import above, certainly, direction, half_turn
+from dragon_ros.verify.balls import PI, above, certainly, direction
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.roots import bracketed, certified
 
 ONE, TWO, HALF, ZERO = arb(1), arb(2), arb(0.5), arb(0)
 EYE = acb(0, 1)
 _HALVINGS = 40      # maximum number of halvings of spans in the proof that the chord grows even close to its peak
-
-
-class Locked(Refused):
-    """A link cannot be placed, or its position cannot be proved."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,43 +38,6 @@ class Link:
     def inverse(self) -> arb:
         """1 / length."""
         return ONE / self.length
-
-
-class Segment(Protocol):
-    """The interface that a track requires of its segments."""
-
-    sense: int
-    first: arb | None
-    last: arb | None
-    bend: float         # largest curvature of the segment (1/m)
-
-    def point(self, u: arb) -> acb:
-        """Return the point."""
-        ...
-
-    def heading(self, u: arb) -> acb:
-        """Return the unit tangent."""
-        ...
-
-    def speed(self, u: arb) -> arb:
-        """Return the distance in metres per unit of u, which is positive."""
-        ...
-
-    def metres(self, u: arb) -> arb:
-        """Return the distance along the track from the anchor, positive in the head's direction."""
-        ...
-
-    def after(self, metres: arb) -> arb:
-        """Return the coordinate u at a distance from the anchor."""
-        ...
-
-    def next(self, u: arb, link: Link, way: int) -> arb:
-        """Return the nearest position one link ahead (``way`` 1) or behind (-1), as if the segment had no ends."""
-        ...
-
-    def near(self, u: float) -> complex:
-        """Return the approximate point."""
-        ...
 
 
 class LineSegment:
@@ -255,12 +214,12 @@ class SpiralSegment:
     def span(self, u: arb, link: Link) -> arb:
         """Return the smallest delta > 0 at which handles at u and at u + delta are one link apart.
 
-        This also proves that the chord grows up to this delta. Raises Locked if the link cannot be placed.
+        This also proves that the chord grows up to this delta. Raises Refused if the link cannot be placed.
         """
         half_square, near = self.chord(link).half_square, self.chord(link).near
         guess = about_span(float(u), near)
         if guess is None:
-            raise Locked('a link cannot be placed behind its front handle: the chain locks')
+            raise Refused('a link cannot be placed behind its front handle: the chain locks')
         twice = TWO * u
 
         def value(delta: arb) -> arb:
@@ -272,8 +231,8 @@ class SpiralSegment:
             return delta + twice * sine * (sine + (u + delta) * cosine)
 
         found = certified(value, slope, guess)
-        if not found > 0 or (not found < half_turn() and not rises(u, half_turn().lower(), found.upper())):
-            raise Locked('a link can be placed only beyond the first peak of its chord, if at all: the chain locks')
+        if not found > 0 or (not found < PI and not rises(u, PI.lower(), found.upper())):
+            raise Refused('a link can be placed only beyond the first peak of its chord, if at all: the chain locks')
         return found
 
     def _span_in(self, u: arb, link: Link) -> arb:

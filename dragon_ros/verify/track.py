@@ -10,10 +10,10 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import NamedTuple
 
-from flint import acb, arb, fmpq
+from flint import acb, arb
 
 from dragon_ros.verify import reading
-from dragon_ros.verify.balls import UNIT, certainly, direction, exact, half_turn, size, up
+from dragon_ros.verify.balls import PI, UNIT, certainly, direction, exact, size, up
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.roots import bracketed, certified
 from dragon_ros.verify.segments import (
@@ -129,7 +129,7 @@ class Track:
         return self._loosened(k, u, 0.0 if inside >= 0 else size(inside * segment.speed(u)))
 
     def _within(self, gone: arb) -> None:
-        certainly(gone * self.bend < half_turn(), 'a link could have two positions; the track bends too tightly')
+        certainly(gone * self.bend < PI, 'a link could have two positions; the track bends too tightly')
 
     def _is_beyond(self, place: Place, edge: arb, link: Link) -> bool:
         """Return whether the next handle seems to be beyond the inner end of a spiral."""
@@ -152,7 +152,7 @@ class Track:
                 return self._cut(k, here, link, way, gone)
             # A segment is skipped if the chord certainly grows along it and is too short at its end.
             past = gone + abs(segment.metres(far) - segment.metres(near))
-            if not (past * self.bend < half_turn() and abs(segment.point(far) - here) < link.length):
+            if not (past * self.bend < PI and abs(segment.point(far) - here) < link.length):
                 return self._cut(k, here, link, way, gone)
             gone = past
         raise Refused('a handle leaves the track, which is too short for the dragon')
@@ -231,21 +231,21 @@ def track_of(scene: reading.Scene) -> Track:
 
 def _single(spiral: reading.Spiral, tail_leads: bool) -> Track:
     """Return a spiral as a track to its centre or, if the tail leads, to the head's start."""
-    start = TWO * half_turn() * exact(spiral.start_turns)
+    start = TWO * PI * exact(spiral.start_turns)
     last = start if tail_leads else ZERO
-    segment = SpiralSegment(exact(spiral.pitch_m) / (TWO * half_turn()), acb(0), acb(1), 1, -1, start, None, last)
+    segment = SpiralSegment(exact(spiral.pitch_m) / (TWO * PI), acb(0), acb(1), 1, -1, start, None, last)
     return Track([segment], [ZERO], ZERO, not tail_leads, [0])
 
 
 def _turn(turn: reading.Turn) -> Track:
     """Return the S-turn. With tan gamma = R / b, both arcs turn by 2 gamma and their radii add up to R / sin gamma."""
-    b, radius = exact(turn.pitch_m) / (TWO * half_turn()), HALF * exact(turn.diameter_m)
+    b, radius = exact(turn.pitch_m) / (TWO * PI), HALF * exact(turn.diameter_m)
     theta = radius / b
     gamma = theta.atan()
     second = radius / gamma.sin() / (ONE + exact(turn.ratio))
     inwards, outwards = (SpiralSegment(b, acb(0), acb(sign), 1, -sign, theta, *ends)
                          for sign, ends in ((1, (None, theta)), (-1, (theta, None))))
-    turned, heading = TWO * gamma, theta + gamma + half_turn()
+    turned, heading = TWO * gamma, theta + gamma + PI
     first = ArcSegment(inwards.point(theta), direction(heading), exact(turn.ratio) * second, -1, ZERO, turned)
     other = ArcSegment(first.point(turned), direction(heading - turned), second, 1, ZERO, turned)
     halfway = first.radius * turned
@@ -253,39 +253,22 @@ def _turn(turn: reading.Turn) -> Track:
                  -exact(turn.before_m), False, [0, 1, 2, 0])
 
 
-class _Heading:
-    """A heading: an exact rational part in half turns plus a remainder in radians, which turning hardly widens."""
-
-    def __init__(self, degrees: float) -> None:
-        self._halves, self._rest = Fraction(degrees) / 180, ZERO
-
-    def turn_degrees(self, degrees: float) -> None:
-        self._halves += Fraction(degrees) / 180
-
-    def turn(self, radians: arb) -> None:
-        self._rest += radians
-
-    @property
-    def radians(self) -> arb:
-        return exact(self._halves) * half_turn() + self._rest
-
-    @property
-    def direction(self) -> acb:
-        sine, cosine = arb.sin_cos_pi_fmpq(fmpq(self._halves.numerator, self._halves.denominator))
-        return acb(cosine, sine) * direction(self._rest)
+def _radians(degrees: float) -> arb:
+    return exact(Fraction(degrees) / 180) * PI
 
 
 def _joined(track: reading.Pieces) -> Track:
     """Return the pieces joined end to end; the first piece is continued backwards if possible."""
     pose = track.poses[0]
-    heading = _Heading(pose.heading_deg or 0.0)
+    heading = _radians(pose.heading_deg or 0.0)
     point = acb(*map(exact, pose.at_m or (0.0, 0.0)))
     segments: list[AnySegment] = []
     origins = [ZERO]
     for k, (piece, said) in enumerate(zip(track.pieces, track.poses, strict=True)):
         _check_joint(f'scene.track.pieces[{k}]', said, point, heading)
-        segment = _segment(piece, point, heading, k == 0)
+        segment, turned = _segment(piece, point, direction(heading), k == 0)
         segments.append(segment)
+        heading += turned
         last = segment.last
         assert last is not None
         point = segment.point(last)
@@ -293,18 +276,16 @@ def _joined(track: reading.Pieces) -> Track:
     return Track(segments, origins[:-1], exact(track.start_m), False, range(len(segments)))
 
 
-def _segment(piece: reading.Piece, point: acb, heading: _Heading, is_open: bool) -> AnySegment:
-    """Return the segment of a piece that begins at a point in a direction, and turn the heading by its angle."""
+def _segment(piece: reading.Piece, point: acb, leaves: acb, is_open: bool) -> tuple[AnySegment, arb]:
+    """Return the segment of a piece that begins at a point in a direction, and the angle by which it turns."""
     first = None if is_open else ZERO
-    leaves = heading.direction
     if isinstance(piece, reading.Line):
-        return LineSegment(point, leaves, first, exact(piece.length_m))
+        return LineSegment(point, leaves, first, exact(piece.length_m)), ZERO
     if isinstance(piece, reading.Arc):
-        heading.turn_degrees(piece.angle_deg)
-        angle = exact(abs(Fraction(piece.angle_deg)) / 180) * half_turn()
-        return ArcSegment(point, leaves, exact(piece.radius_m), 1 if piece.angle_deg > 0 else -1, first, angle)
-    b = exact(piece.pitch_m) / (TWO * half_turn())
-    begin, last = (TWO * half_turn() * exact(turns) for turns in (piece.from_turns, piece.to_turns))
+        angle, side = _radians(piece.angle_deg), 1 if piece.angle_deg > 0 else -1
+        return ArcSegment(point, leaves, exact(piece.radius_m), side, first, angle * side), angle
+    b = exact(piece.pitch_m) / (TWO * PI)
+    begin, last = (TWO * PI * exact(turns) for turns in (piece.from_turns, piece.to_turns))
     sense = 1 if piece.to_turns > piece.from_turns else -1
     side = sense if piece.left else -sense
     # At polar angle u, the unrotated spiral has the heading side (u + atan u), or the opposite heading if the head
@@ -312,17 +293,17 @@ def _segment(piece: reading.Piece, point: acb, heading: _Heading, is_open: bool)
     turned = begin + begin.atan()
     rotation = leaves * direction(-turned * side) * sense
     centre = point - rotation * direction(begin * side) * (b * begin)
-    heading.turn((last + last.atan() - turned) * side)
     is_open = is_open and sense < 0
-    return SpiralSegment(b, centre, rotation, side, sense, begin, None if is_open else begin, last)
+    segment = SpiralSegment(b, centre, rotation, side, sense, begin, None if is_open else begin, last)
+    return segment, (last + last.atan() - turned) * side
 
 
-def _check_joint(name: str, said: reading.Pose, point: acb, heading: _Heading) -> None:
+def _check_joint(name: str, said: reading.Pose, point: acb, heading: arb) -> None:
     """Raise Refused if a piece's stated start or heading differs from the end of the preceding piece."""
     if said.at_m is not None:
         away = abs(acb(*map(exact, said.at_m)) - point)
         certainly(away < 2 * _NEAR_M, f'{name}.at_m: the preceding piece ends {float(away):.3g} m from there')
     if said.heading_deg is not None:
-        turned = heading.direction * _Heading(-said.heading_deg).direction
+        turned = direction(heading - _radians(said.heading_deg))
         certainly(turned.real > 0 and abs(turned.imag) < 2 * _NEAR_RAD,
                   f'{name}.heading_deg: the preceding piece ends {float(turned.arg()):.3g} rad from there')

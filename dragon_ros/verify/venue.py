@@ -10,19 +10,18 @@ from cmath import rect
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import ceil, floor, inf
+from math import ceil, floor
 
 from flint import acb, arb
 
-from dragon_ros.verify.balls import below, exact, hypot_above, size, up
+from dragon_ros.verify.balls import ROUNDED, exact, hypot_above, size, up
 from dragon_ros.verify.cover import Cover, Stuck, Way
 from dragon_ros.verify.errors import Refused
-from dragon_ros.verify.interval import Interval, size_of
-from dragon_ros.verify.posture import AXES, Bench, Dragon, Pose, Posture, about, overlap, separation
+from dragon_ros.verify.interval import Interval, kept_apart, parted, size_of
+from dragon_ros.verify.posture import Bench, Dragon, Pose, Posture, about, overlap, spread
 from dragon_ros.verify.reading import Obstacle, Venue
 from dragon_ros.verify.segments import HALF, ZERO, Link
 
-_ROUNDED = 1e-12    # more than the error of a distance after a dozen float operations, relative to coordinates
 _CELL = 4.0         # side of a cell of the index, relative to the longest bench
 _MOST_CELLS = 1000  # largest number of cells along an edge; longer edges are always checked
 _REACH = 2.0        # intervals in which a bench moves further, relative to the longest bench, are cut without a check
@@ -45,7 +44,7 @@ class Edge:
         """
         way, seen = self.stop - self.start, point - self.start
         length = abs(way)
-        reach_m += _ROUNDED * (abs(point) + abs(self.start) + abs(self.stop))
+        reach_m += ROUNDED * (abs(point) + abs(self.start) + abs(self.stop))
         along, aside = ((seen * way.conjugate()).real / length, abs((seen * way.conjugate()).imag) / length)
         low, high = max(0.0, (along - reach_m) / length), min(1.0, (along + reach_m) / length)
         return None if aside > reach_m or low > high else self._part(low, high)
@@ -58,15 +57,11 @@ class Edge:
         length, middle = abs(way), (one + two) * HALF
         axis = way / length
         shape = Bench(Link(ZERO, 0.0), HALF * (exact(high) - exact(low)) * length, ZERO)
-        return Pose(shape, middle, axis, complex(middle), complex(axis), _width(middle), _width(axis))
+        return Pose(shape, middle, axis, complex(middle), complex(axis), spread(middle), spread(axis))
 
 
 def _exact(z: complex) -> acb:
     return acb(exact(z.real), exact(z.imag))
-
-
-def _width(value: acb) -> float:
-    return up(float(value.real.rad()) + float(value.imag.rad()))
 
 
 class Edges:
@@ -93,7 +88,7 @@ class Edges:
 
     def _within(self, left: float, right: float, bottom: float, top: float) -> Iterator[tuple[int, int]]:
         """Yield the cells of a box that is widened by the rounding error."""
-        margin = _ROUNDED * (abs(left) + abs(right) + abs(bottom) + abs(top) + self._cell)
+        margin = ROUNDED * (abs(left) + abs(right) + abs(bottom) + abs(top) + self._cell)
         for i in range(floor((left - margin) / self._cell), floor((right + margin) / self._cell) + 1):
             for j in range(floor((bottom - margin) / self._cell), floor((top + margin) / self._cell) + 1):
                 yield i, j
@@ -132,22 +127,17 @@ class SweptBench(Interval):
         for edge in edges.near(pose.near, reach_m):
             part = edge.near(pose.near, reach_m)
             self.tested += part is not None
-            if part and not (self._parts(part) or self._stays(part, moved_m)):
-                if any(overlap(end.pose(0), part) for end in self._ends):
-                    raise Met(edge.name, 0 if overlap(self._ends[0].pose(0), part) else 1)
+            if part and not self._is_clear(part, moved_m):
+                for number, end in enumerate(self._ends):
+                    if overlap(end.pose(0), part):
+                        raise Met(edge.name, number)
                 return repr(edge.name)
         return None
 
-    def _parts(self, part: Pose) -> bool:
-        """Return whether an edge line separates a bench and an edge at both ends by more than the corners deviate."""
+    def _is_clear(self, part: Pose, moved_m: float) -> bool:
+        """Return whether the bench is proved clear of an edge by the second-order or by the first-order bound."""
         ends = [(end.pose(0), part) for end in self._ends]
-        rough = [min(both) for both in zip(*(about(*pair) for pair in ends), strict=True)]
-        half = len(AXES) // 2
-        for k in (max(range(*half_range), key=rough.__getitem__) for half_range in ((0, half), (half, len(AXES)))):
-            sag = self._sag_at(part, AXES[k].other) if rough[k] > 0 else inf
-            if rough[k] > sag and self._parted(ends, k, rough[k], sag):
-                return True
-        return False
+        return parted(ends, lambda other: self._sag_at(part, other)) or kept_apart(ends, moved_m)
 
     def _sag_at(self, part: Pose, other: bool) -> float:
         """Return how far the corners of the bench (or the ends of the edge) deviate from lines in the other's frame."""
@@ -161,16 +151,7 @@ class SweptBench(Interval):
             away = part.middle - self._middle(0)
             seen = acceleration - velocity * acb(0, 2 * turning.w) + away * acb(turning.w * turning.w, turning.rate)
             bend = size_of(seen) + part.shape.arm_m * turned
-        sag = up(up(bend) * up(self._length * self._length) / 8)
-        return sag if sag == sag else inf
-
-    def _stays(self, part: Pose, moved_m: float) -> bool:
-        """Return whether the sum of the gaps at both ends exceeds the motion of the bench in between."""
-        gaps = 0.0
-        for end in self._ends:
-            rough = about(end.pose(0), part)
-            gaps += below(separation(end.pose(0), part, AXES[rough.index(max(rough))]))
-        return gaps > up(moved_m)
+        return up(up(bend) * up(self._length * self._length) / 8)
 
 
 class Met(Refused):

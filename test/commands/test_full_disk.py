@@ -24,7 +24,7 @@ SHORT = '--scene winding --set dragon.benches=3 --set run.stop_s=1'
      'plot: --output OUT.gif: cannot be written: File too large'),
     *((f'export {BAG} --force --output OUT.{suffix}', f'export: --output OUT.{suffix}: it cannot be written: '
        'File too large') for suffix in ('csv', 'npz')),
-    ('contact --scene first_contact --certificate OUT.json',
+    ('contact --scene square --certificate OUT.json',
      'contact: --certificate OUT.json: cannot be written: File too large')])
 def test_a_full_disk_is_said_in_one_line(capsys, tmp_path, arguments, says):
     arguments, says = (text.replace('OUT', str(tmp_path / 'out')) for text in (arguments, says))

@@ -6,9 +6,10 @@ from hypothesis import strategies as st
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
+from dragon_ros.scenes.certificate import of_claim
 from dragon_ros.scenes.load import scene_values
 from dragon_ros.verify import reading
-from dragon_ros.verify.balls import exact, half_turn, precise
+from dragon_ros.verify.balls import PI, exact
 from dragon_ros.verify.cover import Budget
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.interval import Interval
@@ -45,8 +46,7 @@ BENT = {'sway': SWAY, 'sway, mirrored': mirrored(SWAY), 'coils': COILS, 'coils, 
 
 def plain(dragon):
     """Return a dragon as the checker reads it."""
-    values = {'scene': scene_values(Scene(dragon=dragon, track=Spiral())), 'contact': {'t_s': None}, 'intervals': []}
-    return reading._claims(values).scene
+    return reading._claims(of_claim(Scene(dragon=dragon, track=Spiral()), {'t_s': None})).scene
 
 
 def compiled(dragon, track, tail_leads=False):
@@ -54,7 +54,6 @@ def compiled(dragon, track, tail_leads=False):
     scene = plain(dragon)
     values = scene_values(Scene(dragon=Dragon(1, 0.2, 0.2, 0.1, 0.0), track=track))
     shape = reading._kind('scene.track', values['track'], reading._TRACKS)
-    precise(1e3)
     placed = track_of(reading.Scene(scene.lengths_m, scene.width_m, scene.inset_m, shape, scene.law, tail_leads, 0.0,
                                     None))
     return placed, Benches(scene), None if placed.to_centre else placed.bend
@@ -62,9 +61,8 @@ def compiled(dragon, track, tail_leads=False):
 
 def centred(dragon, pitch_m=0.9, turns=3.4, side=1):
     """Return the same as ``compiled`` for a spiral to its centre that turns to either side."""
-    precise(1e3)
-    start = 2 * half_turn() * exact(turns)
-    b = exact(pitch_m) / (2 * half_turn())
+    start = 2 * PI * exact(turns)
+    b = exact(pitch_m) / (2 * PI)
     segment = SpiralSegment(b, acb(0), acb(1), side, -1, start, None, arb(0))
     return Track([segment], [arb(0)], arb(0), True, [0]), Benches(plain(dragon)), None
 

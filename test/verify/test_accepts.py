@@ -1,21 +1,21 @@
 """Honest certificates for every kind of run are accepted, and the result states their claim."""
 import json
-from itertools import islice, pairwise
+from itertools import islice
 from pathlib import Path
 
 import pytest
-from certificates import proved, written
+from certificates import proved, refusal, written
 from properties import thinned
 from runs import certificates
 
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.search.certificate import Interval, NoContact
+from dragon_ros.core.search.certificate import NoContact
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
-from dragon_ros.scenes import certificate
-from dragon_ros.scenes.load import load_scene, scene_of, scene_values
+from dragon_ros.scenes.certificate import of_claim
+from dragon_ros.scenes.load import load_scene, scene_of
 from dragon_ros.scenes.yaml import Document
 
 CROSSING = Dragon(14, 0.9, 2.9, 0.2)       # at 4.28 turns, the head is between two positions at which the body touches
@@ -108,15 +108,23 @@ SAID_OF_0_2_0 = {
 
 @pytest.mark.parametrize('name', thinned(SAID_OF_0_2_0, lambda name: name not in (
     'contact', 'contact_on_a_turn', 'contact_of_mixed_benches')))
-def test_a_certificate_that_0_2_0_wrote_is_proved_and_its_contact_found_again(name):
+def test_what_a_certificate_of_0_2_0_says_is_found_and_proved_again(name):
     values = json.loads((MADE_BY_0_2_0 / f'{name}.json').read_text())
-    assert SAID_OF_0_2_0[name] in proved(values)
-    found, known = first_contact(scene_of(Document(name, values['scene']))), values['contact']
+    scene = scene_of(Document(name, values['scene']))
+    assert SAID_OF_0_2_0[name] in proved(written(scene))
+    found, known = first_contact(scene), values['contact']
     if isinstance(found, NoContact):
         assert known == {'t_s': None}
     else:
         assert known['benches'] == list(found.benches)
         assert abs(known['t_s'] - found.t_s) <= 2 * found.uncertainty_s
+
+
+@pytest.mark.parametrize('changes', [{'version': None}, {'version': 2}, {'version': 3}, {'family': 1}], ids=str)
+def test_certificates_of_earlier_versions_are_refused_with_the_release_that_verifies_them(changes):
+    values = json.loads((MADE_BY_0_2_0 / 'contact.json').read_text()) | {
+        key: value for key, value in changes.items() if value}
+    assert refusal(values) == 'it is a certificate of dragon_ros 0.1 to 0.3; dragon_ros 0.3.0 verifies it'
 
 
 @pytest.mark.parametrize('seed', thinned(range(4), lambda seed: seed < 2))
@@ -126,29 +134,16 @@ def test_random_honest_certificates_are_accepted(seed):
         proved(values)
 
 
-def bare(scene, **contact):
-    """Return a certificate with no intervals."""
-    return {'scene': scene_values(scene), 'contact': {'t_s': None, **contact}, 'intervals': []}
-
-
-@pytest.mark.parametrize('name', thinned(['a lock', 'an S-turn', 'out and in', 'a tail'],
-                                         lambda name: name == 'a lock'))
-def test_intervals_are_hints_and_none_is_needed(name):
-    values = written(SCENES[name][0])
-    assert len(values['intervals']) > 10
-    assert proved({**values, 'intervals': []}) == proved(values)
-
-
 def test_benches_that_all_go_round_one_circle_are_cleared_at_once_however_near_they_are():
     circle = Scene(dragon=Dragon(4, 4.119728142305396, 4.119728142305396, 0.3, 1.059864071152698),
                    track=Composite((Arc(4.0, 360.0),), 1.0), run=Run(0, 10))
-    assert 'it stops' in proved(bare(circle), effort=1e-3)
+    assert 'it stops' in proved(of_claim(circle, {'t_s': None}), effort=1e-3)
 
 
 def test_a_bench_between_two_lines_of_one_heading_is_cleared_in_bounded_time():
     hairpin = Composite((Line(40.0), Arc(1.5, 180.0), Line(40.0)), 70.0)
     scene = Scene(dragon=Dragon(20, width_m=0.3), track=hairpin, run=Run(0, 12))
-    assert 'it stops' in proved(bare(scene), effort=0.1)
+    assert 'it stops' in proved(of_claim(scene, {'t_s': None}), effort=0.1)
 
 
 @pytest.mark.parametrize('width', thinned([0.30097406, 0.3009740686, 0.30097406869751],
@@ -156,14 +151,3 @@ def test_a_bench_between_two_lines_of_one_heading_is_cleared_in_bounded_time():
 def test_a_certain_contact_after_a_near_miss_of_nanometres_is_proved(width):
     scene = Scene(dragon=Dragon(20, width_m=width), run=Run(408))
     assert 'contact at 412.44300' in proved(written(scene))
-
-
-def test_where_there_are_more_intervals_than_anyone_needs_rows_stand_for_several_and_for_the_same_places():
-    one = [Interval(float(n), float(n + 1), 0.1) for n in range(50_000)]
-    other = [Interval(float(-n), float(-n - 1), 0.1) for n in range(10_000)]
-    rows = certificate._rows([*one, *other, *one[7:8]], 9)
-    assert len(rows) == 15_001
-    assert [rows[n]['start_m'] for n in (0, 1, -1)] == [0.0, 4.0, 7.0]
-    for mine, length in ((rows[:12_500], 50_000.0), (rows[12_500:-1], -10_000.0)):
-        assert all(before['stop_m'] == after['start_m'] for before, after in pairwise(mine))
-        assert (mine[0]['start_m'], mine[-1]['stop_m']) == (0.0, length)

@@ -14,7 +14,7 @@ from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.tracks.spec import Spiral
-from dragon_ros.scenes.load import scene_values
+from dragon_ros.scenes.certificate import of_claim
 from dragon_ros.verify.posture import overlap
 
 BODY, TRACK = Dragon(14, 0.9, 2.9, 0.2), Spiral(0.55, 4.28)
@@ -40,12 +40,12 @@ def there_m():
 
 
 def claim(head, t_s=None, stop_s=None, start_s=0.0, grazing=False):
-    """Return a certificate with no intervals for a contact at a time, or for no contact."""
+    """Return a certificate of a contact at a time, or of no contact."""
     scene = Scene(dragon=BODY, track=TRACK, head=head, run=Run(start_s, stop_s))
     contact = {'t_s': t_s}
     if t_s is not None:
         contact |= {'benches': found()['benches']} | ({'grazing': True} if grazing else {})
-    return {'scene': scene_values(scene), 'contact': contact, 'intervals': []}
+    return of_claim(scene, contact)
 
 
 def there_and_back(beyond_m):
@@ -122,12 +122,9 @@ def test_no_times_are_told_where_the_slack_is_soon_over():
 
 
 @pytest.mark.parametrize('before_s', thinned([3.6e-9, 1.5e-9, 1e-9, 3e-10, 0.0], lambda before_s: before_s > 3e-9))
-def test_a_run_that_starts_just_before_its_contact_is_proved_with_its_intervals(before_s):
+def test_a_run_that_starts_just_before_its_contact_is_proved(before_s):
     start_s = there_m() - before_s
-    honest = written(Scene(dragon=BODY, track=TRACK, run=Run(start_s, 5)))
-    assert proved(honest)
-    elsewhere = {'lead': 'body', 'start_m': 3.0, 'stop_m': 4.0, 'behind': 5}
-    assert 'exceeds the track' in refusal({**honest, 'intervals': [elsewhere]})
+    assert proved(written(Scene(dragon=BODY, track=TRACK, run=Run(start_s, 5))))
 
 
 def test_at_the_start_benches_overlap_as_far_on_as_the_leader_goes_and_no_further():
@@ -151,7 +148,7 @@ def test_a_contact_that_a_leader_overshoots_on_its_way_back_is_not_proved_an_hou
                     (again_s, 0.0), (again_s, -1.0), (again_s + 9.0, -1.0)))
 
     def claimed(t_s):
-        values = scene_values(replace(scene, head=head, run=Run(0, again_s + 5)))
-        return {'scene': values, 'contact': {'t_s': t_s, 'benches': [*found.benches]}, 'intervals': []}
+        return of_claim(replace(scene, head=head, run=Run(0, again_s + 5)), {'t_s': t_s, 'benches': [*found.benches]})
+
     assert f'to the contact at {found.t_s!r} s' in proved(claimed(found.t_s))
     assert 'overlap' in refusal(claimed(again_s + 0.05 - turn_s + found.t_s))

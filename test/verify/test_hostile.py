@@ -2,7 +2,7 @@
 import copy
 import json
 import re
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from math import inf, nextafter
 from pathlib import Path
 
@@ -58,15 +58,10 @@ def test_a_strange_value_anywhere_is_refused_or_harmless(proof, share, strange):
         check(json.dumps(changed).encode())
 
 
-@pytest.mark.parametrize('key', ['t_s', 'start_m', 'stop_m', 'lead'])
 @pytest.mark.parametrize('strange', STRANGE, ids=str)
-def test_a_strange_number_of_the_proof_is_refused(proof, key, strange):
-    changed = copy.deepcopy(proof)
-    (changed['contact'] if key == 't_s' else changed['intervals'][0])[key] = strange
-    if (key, strange) == ('t_s', None) or (key.endswith('_m') and type(strange) in (int, float) and abs(strange) < 3):
-        return      # no contact is also a valid claim, and a position is only a hint about where to cut an interval
-    with pytest.raises(Refused):
-        check(json.dumps(changed).encode())
+def test_a_strange_time_of_contact_is_refused(proof, strange):
+    with pytest.raises(Refused) if strange is not None else nullcontext():      # no contact is also a valid claim
+        check(json.dumps({**proof, 'contact': {'t_s': strange}}).encode())
 
 
 @examples(100)
@@ -95,7 +90,7 @@ def hostile(**sections):
              'head': {'kind': 'constant', 'speed_m_s': 1.0, 'lead': 'head'}, 'run': {'start_s': 0.0, 'stop_s': None}}
     for section, values in sections.items():
         scene[section] = values if 'kind' in values else {**scene[section], **values}
-    return {'scene': scene, 'contact': {'t_s': None}, 'intervals': []}
+    return {'version': reading.VERSION, 'scene': scene, 'contact': {'t_s': None}}
 
 
 @pytest.mark.parametrize(('values', 'line'), [
@@ -112,8 +107,7 @@ def hostile(**sections):
     (hostile(track={'kind': 'joined', 'start_m': 0.0, 'pieces': [{'kind': 'line', 'length_m': 1.0}] * 2000}),
      'list of 1 to 1000'),
     (hostile(track={'kind': 'joined', 'start_m': 3.0, 'pieces': [{'kind': 'line', 'length_m': 1e-9}] * 1000}),
-     'beyond its end'),
-    ({**hostile(), 'intervals': [{}] * 300_000}, 'to 250000')])
+     'beyond its end')])
 def test_a_scene_that_would_take_forever_is_refused_within_its_budget(values, line):
     assert re.search(line, refusal(values, effort=0.005))
 
@@ -198,7 +192,7 @@ def test_a_list_is_read_exactly_if_it_has_as_many_entries_as_it_may(value, fewes
     assert found is value
 
 
-@pytest.mark.parametrize('version', [0, 1.5, 2.0, reading.VERSION + 1, '1', True])
-def test_a_version_is_a_whole_number_up_to_that_of_the_checker(version, proof):
-    with pytest.raises(Refused, match='version'):
+@pytest.mark.parametrize('version', [0, 1.5, 4.0, reading.VERSION + 1, '4', None])
+def test_a_certificate_of_an_unknown_version_is_refused(version, proof):
+    with pytest.raises(Refused, match='version: .* is not 4'):
         claims_of(json.dumps({**proof, 'version': version}).encode())

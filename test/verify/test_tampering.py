@@ -2,18 +2,16 @@
 import copy
 import re
 from functools import cache
-from math import inf, nan
 
 import pytest
 from certificates import proved, refusal, written
-from properties import thinned
 
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
-LAW = Profile(((0.0, 0.3), (1.0, -1.0), (9.0, -1.0)), 'smooth')
+LAW = Profile(((0.0, 0.3), (1.0, -1.0), (9.0, -1.2)), 'smooth')
 KINDS = {
     'contact': Scene(dragon=Dragon(12), run=Run(411.5, 413.0)),
     'none': Scene(dragon=Dragon(12), run=Run(410.5, 412.4)),
@@ -59,7 +57,7 @@ def tampered(values, path, change):
 
 
 REMOVED = object()
-T, PAIR, ROW = ('contact', 't_s'), ('contact', 'benches'), ('intervals', 0)
+T, PAIR = ('contact', 't_s'), ('contact', 'benches')
 PIECES = 'scene', 'track', 'pieces'
 
 
@@ -71,7 +69,7 @@ def scene(section, key):
     return 'scene', section, key
 
 
-FALSE = 'overlap|do not|beyond|after the|exceeds the track'       # rejected by the proof
+FALSE = 'overlap|do not|beyond|after the'       # rejected by the proof
 TAMPERINGS = [
     # The contact: another time, other benches, or no contact
     ('contact', T, more(3e-9), FALSE), ('contact', T, more(-3e-9), FALSE), ('contact', T, more(0.1), FALSE),
@@ -117,8 +115,8 @@ TAMPERINGS = [
     ('lock', scene('run', 'start_s'), 433.0, 'model ends before'),
     ('lock', scene('head', 'speed_m_s'), 0.0, 'nothing ends'),
     ('lock', ('contact',), {'t_s': 432.92, 'benches': [0, 2]}, 'after the end of the run'),
-    ('law', scene('head', 'knots'), [[0.0, 0.3], [1.0, -1.0], [9.0, -1.1]], FALSE),
-    ('law', scene('head', 'knots'), [[0.0, 0.5], [1.0, -1.0], [9.0, -1.0]], FALSE),
+    ('law', scene('head', 'knots'), [[0.0, 0.3], [1.0, -1.0], [9.0, -1.0]], FALSE),
+    ('law', scene('head', 'knots'), [[0.0, 0.5], [1.0, -1.0], [9.0, -1.2]], FALSE),
     ('law', scene('head', 'knots'), [[1.0, 0.3], [9.0, -1.0]], 'not between'),
     ('law', scene('head', 'knots'), [[0.0, 0.3], [3.0, 1.0], [2.0, 1.0]], 'not between'),
     ('law', scene('head', 'ramps'), 'linear', FALSE), ('law', scene('head', 'ramps'), 'steep', 'neither linear nor'),
@@ -136,23 +134,10 @@ TAMPERINGS = [
     ('joined', (*PIECES, 1, 'heading_deg'), 31.0, 'ends .* from there'),
     ('joined', scene('track', 'start_m'), 0.01, FALSE), ('other', scene('track', 'start_m'), 70.0, 'beyond its end'),
     ('other', (*PIECES, 1, 'radius_m'), 1.0, 'links could lock'),
-    # Intervals with invalid benches or positions
-    ('contact', (*ROW, 'lead'), 'tail', 'is not a valid lead'),
-    ('contact', (*ROW, 'lead'), 'bench 10', 'does not have two benches behind'),
-    ('contact', (*ROW, 'behind'), 12, 'only 11 behind it'), ('contact', (*ROW, 'behind'), -1, 'not between'),
-    ('contact', (*ROW, 'stop_m'), 412.6, 'exceeds the track'),
-    ('contact', ('intervals', -1, 'start_m'), -1e3, 'exceeds the track'), ('contact', (*ROW, 'stop_m'), nan, 'NaN'),
-    ('contact', (*ROW, 'stop_m'), inf, 'Infinity'), ('contact', (*ROW, 'stop_m'), '411', 'not a number'),
-    ('contact', (*ROW, 'stop_m'), True, 'not a number'), ('contact', (*ROW, 'stop_m'), REMOVED, 'missing'),
-    ('contact', (*ROW, 'bound_m'), 0.1, 'is not checked'), ('contact', ROW, [], 'not a mapping'),
-    ('contact', ('intervals',), {}, 'list of'), ('contact', ('intervals',), REMOVED, 'missing'),
-    ('turn', (*ROW, 'stop_m'), 50.0, 'exceeds the track'),
-    ('start', ('intervals',), [{'lead': 'head', 'start_m': 412.0, 'stop_m': 412.2, 'behind': 11}],
-     'exceeds the track'),
     # Claims that are not checked, and incomplete scenes
-    ('contact', ('version',), 4, 'not between 1.0 and 3.0'), ('contact', ('version',), 0, 'not between'),
-    ('contact', ('version',), '2', 'not a whole number'), ('contact', ('version',), 2.0, 'not a whole number'),
-    ('contact', ('start_gap_m',), 0.1, 'is not checked'), ('contact', ('certified',), True, 'is not checked'),
+    ('contact', ('version',), 3, '0.1 to 0.3'), ('contact', ('version',), 5, 'is not 4'),
+    ('contact', ('version',), '4', 'is not 4'), ('contact', ('version',), 4.0, 'is not 4'),
+    ('contact', ('intervals',), [], 'is not checked'), ('contact', ('certified',), True, 'is not checked'),
     ('contact', ('contact', 'uncertainty_s'), 1e-12, 'is not checked'),
     ('none', ('end',), {'t_s': 412.4}, 'is not checked'), ('contact', ('scene', 'wind'), 1.0, 'is not checked'),
     ('contact', scene('dragon', 'tail_length_m'), 1.0, 'is not checked'),
@@ -202,36 +187,10 @@ def test_no_contact_is_proved_of_a_scene_with_a_sign_a_side_or_a_sense_changed(h
         assert refusal(tampered(honest[kind], ('scene', *path), change)), path
 
 
-@pytest.mark.parametrize(('forgery', 'kind'), thinned(
-    [(forgery, kind) for forgery in ('removed', 'begun early', 'shifted', 'said of fewer benches', 'one alone')
-     for kind in ('contact', 'law', 'turn')],
-    lambda case: case[1] == 'contact' and case[0] != 'shifted'))
-def test_hints_that_are_changed_within_the_run_change_nothing_that_is_proved(honest, proof_of, kind, forgery):
-    values = copy.deepcopy(honest[kind])
-    rows = values['intervals']
-    n = len(rows) // 2
-    if forgery == 'removed':
-        del rows[n]
-    elif forgery == 'one alone':
-        del rows[1:]
-    elif forgery == 'said of fewer benches':
-        rows[n]['behind'] = 1
-    else:
-        rows[n]['start_m'] = rows[n - 1]['start_m']
-        rows[n]['stop_m'] = rows[n - 1]['stop_m'] if forgery == 'shifted' else rows[n]['stop_m']
-    assert proved(values) == proof_of(kind)
-
-
 def test_a_contact_of_the_last_two_benches_that_can_touch_is_not_passed_over():
     bend = Composite((Line(5.0), Arc(0.8, 300.0)), 4.0)
     scene = Scene(dragon=Dragon(3, 1.2, 1.2, 1.3, 0.1), track=bend, run=Run(0, 4))
     values = written(scene)
     assert values['contact']['benches'] == [0, 2]
-    hidden = {**values, 'contact': {'t_s': None}, 'intervals': []}
+    hidden = {**values, 'contact': {'t_s': None}}
     assert 'benches 0 and 2 overlap' in refusal(hidden)
-
-
-@pytest.mark.parametrize('kind', thinned(KINDS, ('contact', 'none', 'lock', 'start').__contains__))
-def test_certificates_without_a_version_are_read_as_those_of_0_2_0(honest, proof_of, kind):
-    assert honest[kind]['version'] == 2
-    assert proved(tampered(honest[kind], ('version',), REMOVED)) == proof_of(kind)

@@ -19,9 +19,9 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
-from dragon_ros.scenes.load import scene_values
+from dragon_ros.scenes.certificate import of_claim
 from dragon_ros.verify import reading, run, segments, track
-from dragon_ros.verify.balls import exact, precise
+from dragon_ros.verify.balls import exact
 from dragon_ros.verify.cover import Budget
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.law import Law
@@ -49,13 +49,11 @@ SCENES = {
 
 def read(scene):
     """Return a scene as the checker reads it."""
-    values = {'scene': scene_values(scene), 'contact': {'t_s': None}, 'intervals': []}
-    return reading._claims(values).scene
+    return reading._claims(of_claim(scene, {'t_s': None})).scene
 
 
 def chain(scene, t_s):
     """Return the checker's handles (as balls), track and posture at a time."""
-    precise(1e4)
     plain = read(scene)
     track, dragon = track_of(plain), Benches(plain)
     leader = Leader(track, dragon, plain.tail_leads, Budget(10**6))
@@ -115,7 +113,6 @@ def test_the_angle_of_an_arc_is_found_from_its_length(theta):
 
 @pytest.mark.parametrize(('beyond_m', 'fits'), [(0.9e-12, True), (1.9e-12, False), (1e-6, False), (0.5, False)])
 def test_a_handle_is_on_the_track_up_to_a_millionth_of_a_micrometre_beyond_its_end(beyond_m, fits):
-    precise(1.0)
     line, link = track_of(read(Scene(Dragon(1), Composite((Line(8.0),)), run=Run(0, 1)))), Link(arb(2), 2.0)
     here = line.place_at(line.end - 2 + exact(Fraction(beyond_m)))
     with nullcontext() if fits else pytest.raises(Refused):
@@ -125,7 +122,6 @@ def test_a_handle_is_on_the_track_up_to_a_millionth_of_a_micrometre_beyond_its_e
 @pytest.mark.parametrize(('way', 'metres'), [(1, 3.75), (-1, 5.25)])
 @pytest.mark.parametrize(('link_m', 'on_it'), [(0.75, True), (1.2, True), (1.5, False), (0.2, False)])
 def test_a_handle_is_cut_from_a_segment_only_if_it_lies_on_it(way, metres, link_m, on_it):
-    precise(1.0)
     scene, link = Scene(Dragon(1), Composite((Line(4.0), Line(1.0), Line(4.0)))), Link(arb(link_m), link_m)
     line = track_of(read(scene))
     here = line.point(line.place_at(arb(metres)))
@@ -135,7 +131,6 @@ def test_a_handle_is_cut_from_a_segment_only_if_it_lies_on_it(way, metres, link_
 
 
 def test_the_start_is_32_pi_and_not_its_float():
-    precise(16.0)
     line = track_of(read(Scene()))
     start = line.place_at(line.start).u
     assert abs(start - 32 * arb.pi()) < 1e-26
@@ -143,7 +138,6 @@ def test_the_start_is_32_pi_and_not_its_float():
 
 
 def test_joints_meet_as_they_head():
-    precise(16.0)
     for scene in SCENES.values():
         line = track_of(read(scene))
         for before, after in zip(line.segments, line.segments[1:], strict=False):
@@ -204,7 +198,6 @@ def test_the_legs_of_a_law_say_which_way_the_leader_goes_at_any_time(rows, smoot
 @pytest.mark.parametrize('speed', [1, -1])
 @pytest.mark.parametrize('stop_s', [20.0, None])
 def test_a_run_that_a_limit_ends_goes_up_to_the_limit_but_for_its_slack(speed, stop_s):
-    precise(16.0)
     back, on = Limit(arb(-5), 0.5, 'back'), Limit(arb(7), 0.5, 'on')
     leader, scene = SimpleNamespace(limits=lambda *_: (back, on)), SimpleNamespace(start_s=2.0, stop_s=stop_s)
     found = run_of(Law(((Fraction(0), Fraction(speed)),), False), leader, scene, None, 0.5)

@@ -57,9 +57,7 @@ def test_what_is_proved_says_which_bench_and_obstacle_overlap():
     assert proved(written(alone)).startswith('no two benches touch, and none touches an obstacle, from')
 
 
-def test_venues_have_a_version_of_their_own_and_no_margin_stands_in_a_certificate():
-    assert written(AHEAD)['version'] == 3
-    assert written(ALONG)['version'] == 2
+def test_no_margin_stands_in_a_certificate():
     assert set(written(AHEAD)['scene']['venue']) == {'obstacles', 'inside'}
 
 
@@ -114,8 +112,6 @@ TAMPERED = {
     'a margin': (CLEAR, put(margin_m=0.2), 'margin_m: this key is not checked'),
     'a place on earth': (CLEAR, put(origin_deg=[0, 0]), 'origin_deg: this key is not checked'),
     'no obstacle at all': (CLEAR, lambda values, venue: venue.clear(), 'has no obstacle'),
-    'an older version': (CLEAR, lambda values, venue: values.update(version=2), 'have version 3'),
-    'a newer version': (CLEAR, lambda values, venue: values.update(version=4), 'version: 4.0 is not between'),
     'a point twice': (CLEAR, corner(1, [40.0, 0.5]), 'two successive points coincide'),
     'no number': (CLEAR, corner(1, [40.0, 'x']), 'is not a number'),
     'far beyond': (CLEAR, corner(1, [1e10, 0.5]), 'is not between'),
@@ -137,11 +133,6 @@ def test_a_run_without_a_venue_touches_no_obstacle():
     values = written(Scene(ALONG.dragon, ALONG.track, run=Run(stop_s=9.0)))
     values['contact'] = {'t_s': 5.0, 'benches': [0], 'obstacle': 'wall'}
     assert "'wall' is not in the venue" in refusal(values)
-
-
-def test_a_certificate_of_a_family_names_the_release_that_verifies_it():
-    family = {'family': 1, 'scene': written(CLEAR)['scene'], 'within': {}, 'proved_s': 1.0}
-    assert 'dragon_ros 0.3.0 verifies it' in refusal(family)
 
 
 def test_an_obstacle_that_the_last_bench_alone_comes_to_is_not_missed():
