@@ -1,8 +1,12 @@
-"""The cost of accuracy for a scene: errors and times of the paper's recipe, Newton's method, march and table."""
+"""The cost of accuracy for a scene: errors and times of the paper's recipe, Newton's method, march and table.
+
+Newton's method for a chain on a single spiral is that of common public code.
+"""
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from math import nan
+from functools import partial
+from math import cos, inf, nan, sin, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +19,7 @@ from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.spec import Spiral
-from dragon_ros.cost.baselines import NEWTON
+from dragon_ros.core.tracks.spiral import points
 from dragon_ros.cost.measure import Timing, timed_in_turn
 
 if TYPE_CHECKING:       # mpmath is an optional extra
@@ -24,6 +28,38 @@ if TYPE_CHECKING:       # mpmath is an optional extra
 _PLACES = (1.0, 0.0, 0.5, 0.25, 0.75)       # times of the references as fractions of the run, the most important first
 _STEP_S = 0.01                              # step (s) of the paper's recipe, which has no positions between steps
 _MOST_HANDLES = 2_001                       # largest number of handles in a reference, counted from the head
+Place = Callable[[Scene, float], Floats]     # a method: handles (m, shape (N+1, 2)) of a scene at a time (s)
+
+
+def chain_by(next_angle: Callable[[float, float], float], scene: Scene, t_s: float) -> Floats:
+    """Return handles (m, shape (N+1, 2)) placed by ``next_angle(theta, chord)``, with the chord in units of b."""
+    b = scene.spiral.b_m
+    theta = [compile_scene(scene).model.leader.place(scene.head.travelled_m(t_s)).u]
+    for link in scene.dragon.link_lengths_m.tolist():
+        theta.append(float(next_angle(theta[-1], link / b)))
+    angle = np.array(theta)
+    return points(b, angle)
+
+
+def cosine_rule(theta: float, outer: float, chord: float) -> float:
+    """Return r1^2 + r2^2 - 2 r1 r2 cos(delta) - l^2 in units of b^2, as in the paper and most public code."""
+    return theta * theta + outer * outer - 2 * theta * outer * cos(outer - theta) - chord * chord
+
+
+def by_newton(tolerance: float, theta: float, chord: float) -> float:
+    """Return the next angle, found with Newton's method on the cosine rule until a step is below ``tolerance`` rad."""
+    outer = theta + chord / sqrt(1 + theta * theta)
+    for _ in range(100):
+        slope = 2 * outer - 2 * theta * cos(outer - theta) + 2 * theta * outer * sin(outer - theta)
+        change = cosine_rule(theta, outer, chord) / slope
+        outer -= change
+        if abs(change) < tolerance:
+            return outer
+    return inf
+
+
+NEWTON: dict[str, Place] = {f'plain Newton {name} rad': partial(chain_by, partial(by_newton, float(name)))
+                             for name in ('1e-3', '1e-4', '1e-6')}
 
 
 @dataclass(frozen=True)
@@ -70,7 +106,7 @@ def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> Acc
     for row, of in found:
         positions, both = [*(next(spent).shared_by(len(times)) for _ in of), None, None][:2]
         rows.append(replace(row, positions=positions, with_velocities=both))
-    return Accuracy(tuple(sorted(times)), min((len(one.high) for one in true.values()), default=0), tuple(rows), lack)
+    return Accuracy(tuple(sorted(times)), min((len(one.states) for one in true.values()), default=0), tuple(rows), lack)
 
 
 def _lack(scene: Scene) -> str:
@@ -80,7 +116,7 @@ def _lack(scene: Scene) -> str:
     try:
         import mpmath  # noqa: F401
     except ImportError:
-        return 'mpmath is not installed; pip install mpmath'
+        return "mpmath is not installed: pip install 'dragon_ros[cost]' or pip install mpmath"
     return ''
 
 
