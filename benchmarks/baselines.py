@@ -12,7 +12,7 @@ from dragon_ros.core.chain.chain import Chain, chain_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
-from dragon_ros.cost.baselines import NEWTON, Solver, chain_by, cosine_rule
+from dragon_ros.cost.accuracy import NEWTON, Place, chain_by, cosine_rule
 
 
 def by_bisection(tolerance: float, theta: float, chord: float) -> float:
@@ -80,7 +80,7 @@ def newton_over_times(scene: Scene, times_s: list[float]) -> Floats:
     return out
 
 
-def compiled_newton() -> Solver | None:
+def compiled_newton() -> Place | None:
     """Return the same method for one time, compiled by numba, or None if numba is not installed."""
     try:
         njit: Any = import_module('numba').njit
@@ -111,7 +111,7 @@ def compiled_newton() -> Solver | None:
     return solve
 
 
-SOLVERS: dict[str, Solver] = {
+SOLVERS: dict[str, Place] = {
     'scipy fsolve': partial(chain_by, by_fsolve),
     'scipy brentq': partial(chain_by, by_brentq),
     'bisection 1e-6 rad': partial(chain_by, partial(by_bisection, 1e-6)),

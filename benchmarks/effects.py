@@ -5,22 +5,25 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from benchmarks.passes import PASSES
 from benchmarks.rates import times
 from benchmarks.wholes import Whole, wholes
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.configuration import scene_names
 from dragon_ros.core.flags import known
-from dragon_ros.cost.effects import ALONE, Price, price
-from dragon_ros.cost.measure import PASSES, TIMES, circumstances
+from dragon_ros.cost.effects import Price, price
+from dragon_ros.cost.measure import TIMES, circumstances
 from dragon_ros.scenes.load import load_scene
+
+ALONE = 'alone'     # the classic scene with only the effects that an effect needs
 
 
 @dataclass(frozen=True)
 class Measured:
-    """All rows of the page."""
+    """All rows of the page; ``prices`` maps scenes to the same effects in the same order."""
 
-    prices: list[Price]
+    prices: dict[str, list[Price]]
     wholes: list[Whole]
 
 
@@ -28,11 +31,11 @@ def measure(budget_s: float = 0.3) -> Measured:
     """Measure everything; progress goes to standard error."""
     named = {name: load_scene(name) for name in scene_names()}
     scenes = {ALONE: load_scene('minimal'), **{name: scene for name, scene in named.items() if not scene.is_led}}
-    jobs = [(effect, name) for effect in known().values() for name in scenes]
-    rows = [price(effect, name, scenes[name], budget_s / PASSES)
+    jobs = [(effect, name) for name in scenes for effect in known().values()]
+    rows = [price(effect, scenes[name], budget_s / PASSES)
             for effect, name in tqdm(PASSES * jobs, desc='cost effects', unit='price', disable=None)]
-    prices = [_fastest(rows[n::len(jobs)]) for n in range(len(jobs))]
-    return Measured(prices, wholes(4 * budget_s))
+    best = iter([_fastest(rows[n::len(jobs)]) for n in range(len(jobs))])
+    return Measured({name: [next(best) for _ in known()] for name in scenes}, wholes(4 * budget_s))
 
 
 def _fastest(rows: list[Price]) -> Price:
@@ -42,13 +45,11 @@ def _fastest(rows: list[Price]) -> Price:
 
 def table(rows: Measured) -> str:
     """Return both tables as Markdown, after a line that states the machine, the versions and the date."""
-    scenes = list(dict.fromkeys(row.scene for row in rows.prices))
     lines = [f'{circumstances()}. Each time is the median of the fastest of {PASSES} passes.', '',
-             '| µs per tick | bytes | ' + ' | '.join(scenes) + ' |',
-             '|---|---:|' + '---:|' * len(scenes)]
-    for effect in dict.fromkeys(row.effect for row in rows.prices):
-        mine = {row.scene: row for row in rows.prices if row.effect == effect}
-        lines.append(f'| {effect} | {mine[ALONE].size:,} | ' + ' | '.join(_cell(mine[name]) for name in scenes) + ' |')
+             '| µs per tick | bytes | ' + ' | '.join(rows.prices) + ' |',
+             '|---|---:|' + '---:|' * len(rows.prices)]
+    for alone, *mine in zip(rows.prices[ALONE], *rows.prices.values(), strict=True):
+        lines.append(f'| {alone.effect} | {alone.size:,} | ' + ' | '.join(map(_cell, mine)) + ' |')
     lines += ['', '| a whole tick of the classic scene | µs | quartiles | times | of | limit (µs) | times the limit |',
               '|---|---:|---|---:|---|---:|---:|']
     lines += [f'| {row.name} | {row.timing.median_s * 1e6:.0f} | {row.timing.low_s * 1e6:.0f} to '
@@ -63,8 +64,8 @@ def _cell(row: Price) -> str:
 
 def csv_text(rows: Measured) -> str:
     """Return the rows as CSV, with times in seconds."""
-    prices = [(row.effect, row.scene, row.size, *(row.timing.cells if row.timing else [''] * 4), '', '')
-              for row in rows.prices]
+    prices = [(row.effect, scene, row.size, *(row.timing.cells if row.timing else [''] * 4), '', '')
+              for scene, mine in rows.prices.items() for row in mine]
     wholes = [(whole.name, f'over {whole.over}', '', *whole.timing.cells, whole.ratio, whole.limit_s)
               for whole in rows.wholes]
     return csv_of(['what', 'scene', 'bytes', *TIMES, 'ratio', 'limit_s'], [*prices, *wholes])
@@ -80,10 +81,10 @@ def picture(rows: Measured) -> Figure:
     return figure
 
 
-def _price_panel(axes: Axes, prices: list[Price]) -> None:
-    names = [row.effect for row in prices if row.scene == ALONE and row.timing]
+def _price_panel(axes: Axes, prices: dict[str, list[Price]]) -> None:
+    names = [row.effect for row in prices[ALONE] if row.timing]
     for shift, scene, colour in ((-0.2, ALONE, '#0072B2'), (0.2, 'first_contact', '#E69F00')):
-        mine = {row.effect: row for row in prices if row.scene == scene and row.timing}
+        mine = {row.effect: row for row in prices[scene] if row.timing}
         for n, name in enumerate(names):
             if name not in mine:
                 continue

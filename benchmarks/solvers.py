@@ -12,7 +12,7 @@ from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tracks.composite import Place
 from dragon_ros.core.tracks.segments import BEHIND
-from dragon_ros.cost.baselines import by_newton
+from dragon_ros.cost.accuracy import by_newton
 
 ChainSolver = Callable[[Scene, Place], Chain]
 _TOLERANCE_RAD = 1e-9       # tolerance of the plain Newton method

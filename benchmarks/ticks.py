@@ -15,6 +15,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from benchmarks.passes import PASSES, fastest
 from benchmarks.rates import limit, tick_rates, times
 from benchmarks.solvers import CHAIN_SOLVERS
 from benchmarks.stages import STAGES, needs_of, stages_of
@@ -22,7 +23,7 @@ from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.dds_domain import free_domain, local_environment
 from dragon_ros.cli.figures import PAGE_IN, TEXT_PT
 from dragon_ros.core.scene import Scene
-from dragon_ros.cost.measure import PASSES, TIMES, Timing, circumstances, fastest, timed, timing_of
+from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed, timing_of
 
 _TIMES_S = (0.0, 60.0, 150.0, 240.0, 300.0, 360.0, 400.0, 412.0)
 _ALL = (*STAGES, 'publish')

@@ -3,6 +3,7 @@ import time
 from dataclasses import dataclass, replace
 from itertools import cycle
 
+from benchmarks.passes import PASSES
 from benchmarks.rates import Amounts, limit, tick_rates
 from benchmarks.stages import needs_of
 from dragon_ros.core.flags import Effect
@@ -11,7 +12,7 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import state, tick
 from dragon_ros.cost.effects import LEAST, MOST, Call, followed
-from dragon_ros.cost.measure import PASSES, Timing, timing_of
+from dragon_ros.cost.measure import Timing, timing_of
 from dragon_ros.messages.cdr import PoseArrayTemplate
 from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.load import load_scene

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from benchmarks.baselines import SOLVERS, compiled_newton, euler_steps, newton_over_times
+from benchmarks.passes import PASSES, fastest
 from benchmarks.rates import NUMBER, Amounts, limit, tick_rates, times
 from benchmarks.stages import needs_of_chain
 from dragon_ros.cli.command_line import csv_of
@@ -19,7 +20,7 @@ from dragon_ros.core.batches import states
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
-from dragon_ros.cost.measure import PASSES, TIMES, Timing, circumstances, fastest, timed_in_turn
+from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed_in_turn
 from hard_cases import hard_cases
 from hard_cases.truth import truth
 

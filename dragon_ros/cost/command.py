@@ -6,18 +6,14 @@ from pathlib import Path
 
 from dragon_ros.cli import command_line, figures
 from dragon_ros.core.checks import number
-from dragon_ros.core.errors import InputError, MissingError
+from dragon_ros.core.errors import MissingError
 
-# The pages of docs/cost, which `benchmarks` writes in a checkout.
-PAGES = ('limits', 'accuracy', 'promises', 'contact', 'effects', 'tick', 'first', 'scale', 'bag', 'simulate', 'memory',
-         'startup', 'study', 'venue', 'all')
 _BUDGET_S = 6.0
 _ABOUT = """Measure the cost of accuracy, effects, contact and bags for a scene on this machine.
 
   cost --scene NAME     measure a scene in less than a minute; output: tables, JSON or a picture
   ./dragon cost PAGE    renew a page of docs/cost; requires a checkout, which contains the benchmarks
-                        (details: ./dragon cost PAGE --help). The pages are:
-                        {pages}"""
+                        (pages and options: ./dragon cost all --help)"""
 
 
 def main(argv: list[str]) -> int:
@@ -31,10 +27,7 @@ def main(argv: list[str]) -> int:
 
 
 def _options() -> ArgumentParser:
-    options = command_line.parser('cost', _ABOUT.format(pages=', '.join(PAGES)),
-                                  'cost --scene winding --output cost.png')
-    options.add_argument('page', nargs='?', choices=PAGES, metavar='PAGE',
-                         help='page to renew with ./dragon cost PAGE in a checkout')
+    options = command_line.parser('cost', _ABOUT, 'cost --scene winding --output cost.png')
     command_line.add_scene_options(options)
     options.add_argument('--budget', type=float, default=_BUDGET_S, metavar='S',
                          help='approximate seconds for each of the four parts (%(default)g)')
@@ -51,9 +44,6 @@ def _check_folder(output: Path | None) -> None:
 
 
 def _run(arguments: Namespace) -> int:
-    if arguments.page is not None:
-        raise InputError(f'PAGE {arguments.page}: it is available only in a checkout: ./dragon cost {arguments.page}; '
-                         'to measure a scene, write cost --scene NAME')
     _check_folder(arguments.output)
     budget_s = number('--budget', arguments.budget, low=0.01, high=1e5)
     from dragon_ros.cli.progress import Progress

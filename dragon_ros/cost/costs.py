@@ -1,23 +1,67 @@
 """The cost of accuracy, effects, contact and bags for one scene on this machine, as values and as text."""
+import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from math import isfinite
 from typing import Any
 
 from dragon_ros.core.chain.commanded import Commanded
-from dragon_ros.core.errors import FieldError
+from dragon_ros.core.errors import DragonError, FieldError
 from dragon_ros.core.flags import known
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
+from dragon_ros.core.search.certificate import Contact, NoContact
+from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.words import counted
-from dragon_ros.cost import accuracy, bags, contact
+from dragon_ros.cost import accuracy, bags
 from dragon_ros.cost.accuracy import Accuracy, Solver
 from dragon_ros.cost.bags import BagCost
-from dragon_ros.cost.contact import SearchCost
 from dragon_ros.cost.effects import Price, price
 from dragon_ros.cost.measure import Timing, circumstances
 
 _NONE = '-'
+
+
+@dataclass(frozen=True)
+class SearchCost:
+    """The cost of a search: its time, its number of states, whether it completed, and its result as text."""
+
+    elapsed_s: float
+    states: int
+    complete: bool
+    found: str
+
+
+class _OutOfTimeError(Exception):
+    """The search has exceeded its budget."""
+
+
+def search(scene: Scene, budget_s: float) -> SearchCost:
+    """Search for the first contact, and stop the search after about ``budget_s`` seconds."""
+    began, states = time.perf_counter(), 0
+
+    def count(more: int) -> None:
+        nonlocal states
+        states += more
+        if time.perf_counter() - began > budget_s:
+            raise _OutOfTimeError
+    complete = True
+    try:
+        found = first_contact(scene, count)
+        states, said = found.states, _said(found)
+        if not found.certificate.complete:
+            said += ', without a certificate'
+    except _OutOfTimeError:
+        complete, said = False, f'stopped after {budget_s:g} s without a result; give a longer --budget'
+    except DragonError as error:
+        complete, said = False, str(error)
+    return SearchCost(time.perf_counter() - began, states, complete, said)
+
+
+def _said(found: Contact | NoContact) -> str:
+    if isinstance(found, Contact):
+        return f'contact at {found.t_s:.12g} s, {found.between}'
+    return f'no contact; {found.end.words} at {found.end.t_s:.9f} s'
 
 
 @dataclass(frozen=True)
@@ -50,14 +94,14 @@ def measure(scene: Scene, name: str, budget_s: float, done: Callable[[str], obje
     prices = []
     for effect in known().values():
         done(effect.names[0])
-        prices.append(price(effect, name, scene, budget_s / len(known())))
+        prices.append(price(effect, scene, budget_s / len(known())))
     done('contact')
-    search = contact.measure(scene, budget_s)
+    found = search(scene, budget_s)
     written = bags.measure(scene, budget_s, done)
     last = compile_scene(scene).last_tick
     start_s, stop_s = (scene.run.seconds(scene.run.time_ns(k)) for k in (0, last))
     return Costs(name, scene.dragon.benches, last + 1, start_s, stop_s, scene.run.rate_hz, tuple(scene.effects.names),
-                 solvers, tuple(prices), search, written, circumstances())
+                 solvers, tuple(prices), found, written, circumstances())
 
 
 def values_of(costs: Costs) -> dict[str, Any]:

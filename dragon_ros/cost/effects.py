@@ -12,7 +12,6 @@ from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
 from dragon_ros.messages.fixed_size import Encode
 
-ALONE = 'alone'
 LEAST, MOST = 15, 400         # number of calls
 _PLACES, _RUN = 7, 20           # number of starting points along a run, and of consecutive ticks from each
 Call = Callable[[], object]
@@ -20,19 +19,14 @@ Call = Callable[[], object]
 
 @dataclass(frozen=True)
 class Price:
-    """The time and the bytes that an effect adds to a tick of a scene.
-
-    The scene ALONE is the classic scene with only the effects that this effect needs. ``timing`` is None if nothing is
-    computed for the effect.
-    """
+    """The time and the bytes that an effect adds to a tick; ``timing`` is None if nothing is computed for it."""
 
     effect: str
-    scene: str
     size: int
     timing: Timing | None
 
 
-def price(effect: Effect, name: str, scene: Scene, budget_s: float) -> Price:
+def price(effect: Effect, scene: Scene, budget_s: float) -> Price:
     """Return the cost of an effect in a scene, with all effects that it needs and without those that depend on it.
 
     The time is the difference between a tick with the effect, whose topics are encoded, and a tick without it.
@@ -41,7 +35,7 @@ def price(effect: Effect, name: str, scene: Scene, budget_s: float) -> Price:
     off, on = (replace(scene, effects=effects) for effects in (without, without | effect))
     encode = [one for name, one in encoders(on).items() if channels()[name].effect is effect]
     size = sum(len(one(tick(on, 0))) for one in encode)
-    return Price(effect.names[0], name, size, _added(off, on, encode, budget_s) if encode else None)
+    return Price(effect.names[0], size, _added(off, on, encode, budget_s) if encode else None)
 
 
 def _added(off: Scene, on: Scene, encode: list[Encode], budget_s: float) -> Timing:

@@ -12,7 +12,6 @@ from statistics import median, quantiles
 from dragon_ros.version import __version__
 
 TIMES = ('median_s', 'low_s', 'high_s', 'calls')
-PASSES = 3      # passes over a page whose rows are compared with each other; of each call, the fastest pass counts
 
 
 @dataclass(frozen=True)
@@ -61,15 +60,6 @@ def timed_in_turn(calls: Sequence[Callable[[], object]], budget_s: float = 0.3, 
             call()
             mine.append(time.perf_counter() - start)
     return [timing_of(mine) for mine in spent]
-
-
-def fastest(passes: Sequence[Sequence[Timing]]) -> list[Timing]:
-    """Return the fastest timing of each call in any pass over the same calls.
-
-    Other load only makes a pass slower. With one pass, a slow minute of the machine would double the times of whichever
-    calls it meets.
-    """
-    return [min(timings, key=lambda timing: timing.median_s) for timings in zip(*passes, strict=True)]
 
 
 def timing_of(spent: Sequence[float]) -> Timing:

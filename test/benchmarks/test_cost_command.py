@@ -2,7 +2,6 @@
 import pytest
 
 from benchmarks import command
-from dragon_ros.cost.command import PAGES
 from dragon_ros.cost.measure import circumstances
 
 PAGE = """
@@ -47,10 +46,6 @@ def test_all_measures_every_page_and_names_the_one_that_fails(tmp_path, monkeypa
     (tmp_path / 'out' / 'last.md').write_text(f'<!-- cost last -->\n{circumstances()}. 2 cores.\n<!-- end -->\n')
     assert command.main(['all', '--resume', '--output', str(tmp_path / 'out')]) == 1
     assert 'cost: 1 of 1 pages failed: broken' in capfd.readouterr().err
-
-
-def test_the_package_knows_the_names_of_all_pages():
-    assert (*command.PAGES, command.ALL) == PAGES
 
 
 @pytest.mark.parametrize(('page', 'option', 'value', 'says'), [
