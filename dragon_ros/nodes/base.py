@@ -14,7 +14,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from dragon_ros.core.errors import DragonError, InputError, did_you_mean, shown
-from dragon_ros.nodes import logs, qos, rclpy_internals, start_errors
+from dragon_ros.nodes import logs, qos, rclpy_internals, shell
 from dragon_ros.nodes.params import NAMES, Parameter
 
 _KINDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'text'}
@@ -108,7 +108,7 @@ class DragonNode(Node):
         lists. Raises InputError for an invalid value or a misspelt name.
         """
         lists = {key: value for key, value in (overrides or {}).items() if isinstance(value, list)}
-        with start_errors.in_one_line('the node'):
+        with shell.in_one_line('the node'):
             super().__init__(name, namespace=NAMESPACE, parameter_overrides=[
                 RosParameter(key, value=value) for key, value in (overrides or {}).items() if key not in lists])
         given = rclpy_internals.given_parameters(self) | {
@@ -154,7 +154,7 @@ class DragonNode(Node):
 
     def resolve_topic_name(self, topic: str, *, only_expand: bool = False) -> str:
         """Return a topic's full name, as rclpy does. Raises InputError if the name is invalid."""
-        with start_errors.in_one_line(f'topic {shown(topic)}'):
+        with shell.in_one_line(f'topic {shown(topic)}'):
             return str(super().resolve_topic_name(topic, only_expand=only_expand))
 
     def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any, **options: Any) -> Publisher:
@@ -173,7 +173,7 @@ class DragonNode(Node):
         prefix = f'{_QOS}{self.resolve_topic_name(topic)}.{kind}.' if self._given else ''
         policies = [name.removeprefix(prefix) for name in self._given if prefix and name.startswith(prefix)]
         if not policies:
-            with start_errors.in_one_line(f'the {kind} of topic {shown(topic)}'):
+            with shell.in_one_line(f'the {kind} of topic {shown(topic)}'):
                 return create(*arguments, **options)
         for policy in policies:
             if policy not in _POLICIES:

@@ -5,8 +5,8 @@ import re
 import signal
 import sys
 import threading
-from collections.abc import Callable
-from contextlib import closing
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 from dragon_ros.cli.command_line import BAD_INPUT, FAILED, OK
 from dragon_ros.cli.signals import ending
 from dragon_ros.core.errors import DiskError, DragonError, InputError, MissingError, shown
-from dragon_ros.nodes import logs, start_errors
+from dragon_ros.nodes import logs
 from dragon_ros.nodes.spinner import Spinner
 
 _WORD = re.compile('[A-Za-z][A-Za-z0-9_]*')      # name of a package or of a message type
@@ -39,7 +39,7 @@ def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_j
         if os.environ.get('ROS_SECURITY_ENABLE') == 'true' and importlib.util.find_spec('ros_wheels_bootstrapper'):
             raise InputError('ROS_SECURITY_ENABLE: the ROS wheels have no DDS security plugins, so nothing would be '
                              'secured; use a ROS 2 install, or unset the variable')
-        with start_errors.in_one_line('the ROS context'):
+        with in_one_line('the ROS context'):
             rclpy.init(args=[name, *argv, *quiet], signal_handler_options=SignalHandlerOptions.NO)
         return body(stop)
     except (DragonError, ParameterException, NameValidationException) as error:
@@ -61,6 +61,20 @@ def spin(node: Node, stop: threading.Event, until: Callable[[], bool] = lambda: 
             spinner.once()
         spinner.rest(rest_s, rested)
     return OK
+
+
+@contextmanager
+def in_one_line(what: str) -> Iterator[None]:
+    """Raise InputError, which names the part of the node that cannot be created, instead of RuntimeError.
+
+    Settings such as names and remappings cause these errors of the middleware.
+    """
+    try:
+        yield
+    except RuntimeError as error:
+        secured = 'ROS_SECURITY_ENABLE: ' if os.environ.get('ROS_SECURITY_ENABLE') == 'true' else ''
+        raise InputError(f'{secured}{what} cannot be created: {" ".join(str(error).split())}; check the names, '
+                         'parameters and remappings that the node was started with') from None
 
 
 @cache
