@@ -116,10 +116,6 @@ class Model:
         """Return the chain, computed by forward placement without shift maps."""
         return marched(self.track, self.links_m, self.leader.place(travel_m), self.direction)
 
-    def size_m(self, extent_m: tuple[float, float]) -> float:
-        """Return a bound (m) on the handles' distance from the origin for travel within ``extent_m``."""
-        return self.leader.size_m(extent_m)
-
     @cached_property
     def limits(self) -> tuple[TravelEnd | None, TravelEnd | None]:
         """The ends of the leader's range, backwards and forwards; None if there is no end. Raises ChainLockError."""
@@ -173,7 +169,12 @@ class Simulation:
     @cached_property
     def size_m(self) -> float:
         """A bound on the size of all coordinates that occur in this run, in metres."""
-        return self.model.size_m(self._travel_m)
+        return self.model.leader.size_m(self._travel_m)
+
+    @cached_property
+    def _longest_m(self) -> float:
+        """The largest coordinate along the track that occurs in this run, in metres (see ``Leader.longest_m``)."""
+        return self.model.leader.longest_m(self._travel_m)
 
     @cached_property
     def _travel_m(self) -> tuple[float, float]:
@@ -191,9 +192,8 @@ class Simulation:
         if self.size_m > COORDINATE.high:
             raise FieldError('track', f'{self.size_m:.6g} m', 'handles would be so far from the origin; the world ends '
                              f'at {COORDINATE.high:g} m', 'stop the run earlier, or move or shorten the track')
-        longest_m = self.model.leader.longest_m(self._travel_m)
-        if longest_m > 2 * TRACK.high:      # the longest track and the longest dragon on it
-            raise FieldError('track', f'{longest_m:.6g} m', 'the run would reach so far along the track; '
+        if self._longest_m > 2 * TRACK.high:      # the longest track and the longest dragon on it
+            raise FieldError('track', f'{self._longest_m:.6g} m', 'the run would reach so far along the track; '
                              f'the limit is {2 * TRACK.high:g} m', 'stop the run earlier, or shorten the track')
 
     @cached_property
@@ -206,7 +206,7 @@ class Simulation:
         """The largest position error allowed in this scene away from a lock, in metres; infinite for the paper."""
         if self.is_paper:
             return inf
-        return promise_m(max(self.model.leader.longest_m(self._travel_m), self.size_m), self.size_m)
+        return promise_m(max(self._longest_m, self.size_m), self.size_m)
 
     @cached_property
     def limit(self) -> End | None:

@@ -79,15 +79,29 @@ def forward(track: Track, links_m: list[float], leader: Place, direction: int, f
         spent += more
         i += len(found)
         if i < len(links_m):
-            u = us[-1]
-            if direction == BEHIND and k == 0 and track.from_afar:
-                raise locked(track, first + i, u, links_m[i])
-            (k, u), more = track.across(Place(k, u), links_m[i], direction)
+            (k, u), more = _beyond(track, Place(k, us[-1]), links_m[i], direction, first + i)
             segments.append(k)
             us.append(u)
             spent += more
             i += 1
     return Handles(segments, us, spent)
+
+
+def next_place(track: Track, place: Place, link_m: float, direction: int, number: int = 0) -> tuple[Place, int]:
+    """Return the handle that follows a handle, and the evaluation count: ``forward`` for one link, in half the time."""
+    k, u = place
+    found, spent = track.segments[k].march(u, [link_m], direction, track.edge(k, link_m, direction))
+    if found:
+        return Place(k, found[0]), spent
+    there, more = _beyond(track, place, link_m, direction, number)
+    return there, spent + more
+
+
+def _beyond(track: Track, place: Place, link_m: float, direction: int, number: int) -> tuple[Place, int]:
+    """Return the handle that follows a handle on another segment, and the evaluation count; see ``forward``."""
+    if direction == BEHIND and place.segment == 0 and track.from_afar:
+        raise locked(track, number, place.u, link_m)
+    return track.across(place, link_m, direction)
 
 
 def locked(track: Track, link: int, theta: float, link_m: float) -> ChainLockError:

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dragon_ros.core.chain.chain import Chain, MarchedLink, MarchedLinks, PlacedLinks, arrays_of
-from dragon_ros.core.chain.forward import Block, Handles, blocks_of, forward, forward_many, in_order
+from dragon_ros.core.chain.forward import Block, blocks_of, forward, forward_many, in_order, next_place
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.shift_map.table import Product, ShiftMap, Spot, Spots
 from dragon_ros.core.tracks.composite import Place, Places, Track
@@ -185,7 +185,8 @@ class Placement:
         A run is marched from the first handle on that its tables do not cover. Raises TrackEndError if the track is too
         short, and ChainLockError if a link cannot be placed.
         """
-        count, direction, spent, here, parts = len(self.links_m), self.direction, 0, leader, list[PlacedLinks]()
+        count, direction, spent, here = len(self.links_m), self.direction, 0, leader
+        parts: list[PlacedLinks] = []
         flat = np.empty(2 * count + 2)
         for start, stop, links_m, _, shift in self.runs:
             spot = shift.spot(here) if shift else None
@@ -196,9 +197,9 @@ class Placement:
                 if start < count:
                     here = some.end(direction)
             if start < stop:
-                handles = forward(self.track, links_m[start - stop:], here, direction, start)
-                parts.append(self._marched(flat, start, handles, 'march' if shift else ''))
-                here, spent = handles.place(-1), spent + handles.evaluations
+                part, here, more = self._marched(flat, start, here, links_m[start - stop:], 'march' if shift else '')
+                parts.append(part)
+                spent += more
         p = flat.reshape(-1, 2)
         p.setflags(write=False)
         return Chain(p, self.links_m, spent, self.track, direction, tuple(parts))
@@ -210,18 +211,21 @@ class Placement:
             if run.shift:
                 run.shift.build_all(Place.of(segment[run.start], u[run.start]))
 
-    def _marched(self, flat: Floats, start: int, handles: Handles, solver: str) -> PlacedLinks:
-        """Write marched handles."""
-        if len(handles.u) == 2:
-            link = MarchedLink(start, handles.place(0), handles.place(1), solver)
-            near, far = (self.track.segments[place.segment].at(place.u) for place in (link.near, link.far))
-            link.fill((near, far), self.direction, flat)
-            return link
+    def _marched(self, flat: Floats, start: int, here: Place, links_m: list[float], solver: str
+                 ) -> tuple[PlacedLinks, Place, int]:
+        """March links from a handle and write their handles; return them, the last handle and the evaluation count."""
+        track, direction = self.track, self.direction
+        if len(links_m) == 1:       # the head, mostly
+            there, spent = next_place(track, here, links_m[0], direction, start)
+            link, segments = MarchedLink(start, here, there, solver), track.segments
+            link.fill((segments[here.segment].at(here.u), segments[there.segment].at(there.u)), direction, flat)
+            return link, there, spent
+        handles = forward(track, links_m, here, direction, start)
         part = MarchedLinks(start, arrays_of(handles), solver)
-        first = 2 * (start if self.direction == BEHIND else len(self.links_m) - start - part.links)
-        points = self.track.points(*part.handles)[::-self.direction]
+        first = 2 * (start if direction == BEHIND else len(self.links_m) - start - part.links)
+        points = track.points(*part.handles)[::-direction]
         flat[first:first + points.size] = points.ravel()
-        return part
+        return part, handles.place(-1), handles.evaluations
 
     def _tabulated(self, flat: Floats, start: int, stop: int, spot: Spot) -> TabulatedLinks | None:
         """Write the links that the table of a spot covers; return None if it covers no link."""

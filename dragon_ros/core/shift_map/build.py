@@ -5,7 +5,7 @@ from math import ceil, floor, inf
 
 import numpy as np
 
-from dragon_ros.core.chain.forward import FEWEST_ROWS, Block, by_segment, forward, forward_many, placed
+from dragon_ros.core.chain.forward import FEWEST_ROWS, Block, by_segment, forward, forward_many, next_place, placed
 from dragon_ros.core.errors import ChainLockError, TrackEndError
 from dragon_ros.core.numerics.chebyshev import inverse_series, powers_of, series_of, transform
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
@@ -153,7 +153,7 @@ class Span:
         rows = [[(front, group) for group, front in enumerate(fronts)]]
         try:
             for _ in range(links):
-                rows.append([(track.next(place, link_m, BEHIND)[0], group) for place, group in rows[-1]])
+                rows.append([(next_place(track, place, link_m, BEHIND)[0], group) for place, group in rows[-1]])
         except TrackEndError:       # the track begins before the last row
             pass
         return [*chain.from_iterable(rows)]
@@ -203,7 +203,7 @@ def _front(track: Track, link_m: float, stretch: Stretch) -> Place:
 
 def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[SpanPart]:
     """Return the parts of the span behind ``front``, cut at all positions a whole number of links ahead of a joint."""
-    rear = track.next(front, link_m, BEHIND)[0]
+    rear = next_place(track, front, link_m, BEHIND)[0]
     here_m, back_m = track.distance_of(front), track.distance_of(rear)
     inside = [k for k, metres in enumerate(track.joints_m, 1) if low_m < metres < here_m]
     if sum(here_m - track.joints_m[k - 1] for k in inside) / link_m > _MOST_STEPS:
@@ -241,7 +241,7 @@ def _pulled(track: Track, link_m: float, place: Place, back_m: float) -> Place:
     if sure > 0:        # the number of links that certainly fit, given the longest arc of a link
         place = forward(track, [link_m] * sure, place, AHEAD).place(-1)
     while track.distance_of(place) <= back_m:
-        place = track.next(place, link_m, AHEAD)[0]
+        place = next_place(track, place, link_m, AHEAD)[0]
     return place
 
 

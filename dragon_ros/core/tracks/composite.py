@@ -160,15 +160,6 @@ class Track:
                        + 0.5 * float(segment.metres_between(a, b)))
                    for segment, a, b in self.between(low_m, high_m))
 
-    def next(self, place: Place, chord_m: float, direction: int) -> tuple[Place, int]:
-        """Return the next handle's position, behind (``direction`` BEHIND) or ahead, and the number of evaluations."""
-        k, u = place
-        found, spent = self.segments[k].march(u, [chord_m], direction, self.edge(k, chord_m, direction))
-        if found:
-            return Place(k, found[0]), spent
-        there, more = self.across(place, chord_m, direction)
-        return there, spent + more
-
     def edge(self, k: int, chord_m: float, direction: int) -> float:
         """Return the coordinate at which segment k ends behind or ahead (slightly beyond it at an end of the track)."""
         segment = self.segments[k]

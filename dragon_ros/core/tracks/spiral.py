@@ -379,7 +379,8 @@ class SpiralSegment:
 
     def march(self, u: float, links_m: list[float], direction: int, edge: float) -> tuple[list[float], int]:
         """Return the coordinates of at most ``len(links_m)`` further handles; the loop creates no objects."""
-        sense, b_m, out, spent = float(direction * self.winding), self.curve.b_m, list[float](), 0
+        sense, b_m, spent = float(direction * self.winding), self.curve.b_m, 0
+        out: list[float] = []
         bound, arc, furthest = edge * sense, 0.0 if sense > 0 else self._arc(max(links_m)), _TAME_RAD
         before = d1 = d2 = d3 = rest = 0.0
         for link_m in links_m:

@@ -10,6 +10,7 @@ from properties import examples, thinned
 
 from dragon_ros.core.batches import states
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.forward import next_place
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.chain.kinematics import RigidLinks, carried, entered_curvatures
 from dragon_ros.core.errors import DragonError
@@ -117,7 +118,8 @@ def test_at_a_joint_accelerations_are_those_of_the_segment_being_entered(lead, s
     track = model.track
     place = track.place_at(track.joints_m[0])
     if second:      # the leader is one link further along
-        place = track.next(place, float(scene.dragon.link_lengths_m[0 if lead == 'head' else -1]), -model.direction)[0]
+        link_m = float(scene.dragon.link_lengths_m[0 if lead == 'head' else -1])
+        place = next_place(track, place, link_m, -model.direction)[0]
     travel_m = model.leader.travel_m(place)
     assert 0.5 < travel_m < 3.9
     for t_s in (travel_m, 8.0 - travel_m):

@@ -14,7 +14,7 @@ from properties import examples, thinned
 from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.chain import marched
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
-from dragon_ros.core.chain.forward import forward, next_places
+from dragon_ros.core.chain.forward import forward, next_place, next_places
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
 from dragon_ros.core.model import compile_scene
@@ -139,7 +139,7 @@ def test_links_across_joints_of_many_places_are_those_of_each(pieces, direction,
     places = track.places_at(along_m)
     found = next_places(track, places, link_m, direction)[0]
     for place, there in zip(zip(*places, strict=True), zip(*found, strict=True), strict=True):
-        one, _ = track.next(Place.of(*place), link_m, direction)
+        one, _ = next_place(track, Place.of(*place), link_m, direction)
         off_m = np.subtract(track.distance_of(one), track.distance_of(Place.of(*there)))
         assert abs(off_m.sum()) < 1e-12
 

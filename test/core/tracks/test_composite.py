@@ -9,6 +9,7 @@ from properties import thinned
 from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.forward import next_place
 from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
@@ -153,8 +154,8 @@ def test_a_link_that_would_reach_a_tenth_of_its_length_beyond_the_end_of_a_track
     track = track_of(Composite((Line(10.0), Arc(5.0, 60.0))))
     for beyond_m in (0.1, 0.5):
         with pytest.raises(TrackEndError, match='too short'):
-            track.next(track.place_at(track.end_m - 1 + beyond_m), 1.0, AHEAD)
-    reached, _ = track.next(track.place_at(track.end_m - 1.01), 1.0, AHEAD)
+            next_place(track, track.place_at(track.end_m - 1 + beyond_m), 1.0, AHEAD)
+    reached, _ = next_place(track, track.place_at(track.end_m - 1.01), 1.0, AHEAD)
     assert track.distance_of(reached) < track.end_m
 
 
