@@ -159,8 +159,8 @@ class Bag:
         """Write the ticks to a file: as rows ('csv', 'parquet') or as arrays that include the benches ('npz').
 
         ``handles`` are the handles to write (None: all), and ``every`` is n for every nth tick. ``progress(ticks)`` is
-        called with the number of newly read ticks; arrays are written one by one, each in a pass over all ticks.
-        Raises InputError if the number of handles changes, and MissingError if the file cannot be written.
+        called with the number of newly exported ticks. Raises InputError if the number of handles changes, and
+        MissingError if the file cannot be written.
         """
         from dragon_ros.bags.read.export import FORMATS, ExportedTicks, export
         every = whole('every', every, low=1, high=2**31)

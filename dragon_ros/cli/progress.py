@@ -16,7 +16,7 @@ class Progress:
 
     def __init__(self, what: str, unit: str, total: float | None = None, **options: Any) -> None:
         """Set the name of the work, its unit and its total; ``options`` are passed to tqdm."""
-        self.done = 0.0
+        self.done: float = 0
         self._options = {'desc': what, 'unit': unit if unit == 'B' else f' {unit}', 'total': total, **options}
         self._began_s = time.monotonic()
         self._bar: Any = None
@@ -43,7 +43,7 @@ class Progress:
 
     def __call__(self, rows: Iterable[T]) -> Iterator[T]:
         """Yield the items of an iterable and count them from zero."""
-        self.done, self._began_s = 0.0, time.monotonic()
+        self.done, self._began_s = 0, time.monotonic()
         with self:
             for row in rows:
                 yield row

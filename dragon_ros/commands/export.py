@@ -31,10 +31,8 @@ def _run(arguments: Namespace) -> int:
     if arguments.every < 1:
         raise dr.InputError(f'--every {arguments.every}: give 1 or more', field='every')
     command_line.check_workers(arguments)
-    with dr.read_bag(arguments.bag, arguments.namespace) as bag:
-        total = None if arguments.format == 'npz' else bag.ticks        # arrays need several passes
-        with Progress(arguments.format, 'ticks', total) as bar:
-            bag.export(arguments.output, arguments.format, handles=handles_of(arguments.handles, bag.handles - 1),
-                       every=arguments.every, overwrite=arguments.force, workers=arguments.workers,
-                       progress=bar.update)
+    with dr.read_bag(arguments.bag, arguments.namespace) as bag, Progress(
+            arguments.format, 'ticks', bag.ticks) as bar:
+        bag.export(arguments.output, arguments.format, handles=handles_of(arguments.handles, bag.handles - 1),
+                   every=arguments.every, overwrite=arguments.force, workers=arguments.workers, progress=bar.update)
     return command_line.OK

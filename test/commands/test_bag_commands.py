@@ -13,6 +13,7 @@ from types import MappingProxyType
 import numpy as np
 import pytest
 
+import dragon_ros as dr
 from dragon_ros.__main__ import main
 from dragon_ros.bags.check.compare import compare_with_model
 from dragon_ros.bags.read.frames import scene_of_bag
@@ -533,6 +534,14 @@ def test_export_of_arrays_has_every_tick(capsys, tmp_path, bag):
         assert np.array_equal(arrays['bench_centres_m'], [frame.benches.centre for frame in frames])
         assert np.allclose(arrays['bench_axes'], [frame.axis for frame in frames], rtol=0, atol=1e-15)
         assert arrays['bench_sizes_m'].shape == (223, 2)
+
+
+@pytest.mark.parametrize(('kind', 'every'), [('csv', 1), ('csv', 4), ('npz', 1)])
+def test_the_progress_of_an_export_ends_at_its_last_tick(tmp_path, bag, kind, every):
+    counts = []
+    with dr.read_bag(bag) as recorded:
+        recorded.export(tmp_path / 'run', kind, every=every, progress=counts.append)
+        assert sum(counts) == recorded.ticks
 
 
 def test_export_without_pyarrow_says_what_to_do(capsys, tmp_path, bag, monkeypatch):

@@ -28,14 +28,15 @@ _TICKS = 64         # number of ticks per Parquet row group
 class ExportedTicks:
     """Every ``every``-th tick of a dragon in a bag, with the chosen ``handles``; it can be iterated repeatedly.
 
-    ``mapped`` runs jobs, in this process or in others. ``progress(ticks)`` is called with the number of newly read
-    ticks; the arrays of a .npz file are written one by one, each in a pass over all ticks.
+    ``mapped`` runs jobs, in this process or in others. ``progress(ticks)`` is called with the number of newly exported
+    ticks: those read, divided by ``passes``, the number of passes over all ticks.
     """
 
     def __init__(self, bag: BagReader, namespace: str, every: int, handles: Sequence[int], mapped: Any,
                  progress: Callable[[int], object]) -> None:
         self._bag, self._namespace, self._every = bag, namespace, every
         self._mapped, self._progress = mapped, progress
+        self.passes, self._read, self._exported = 1, 0, 0
         self.first = next(frames(bag, namespace))
         self.handles = list(handles)
 
@@ -48,7 +49,7 @@ class ExportedTicks:
         if self._every == 1:
             for ticks, one in in_parts(self._bag, self._namespace, body, self._mapped):
                 yield one
-                self._progress(ticks)
+                self._count(ticks)
             return
         chosen = islice(self._all(), 0, None, self._every)
         while some := list(islice(chosen, _TICKS)):
@@ -57,7 +58,12 @@ class ExportedTicks:
     def _all(self) -> Iterator[BagFrame]:
         for some in in_parts(self._bag, self._namespace, list, self._mapped):
             yield from some
-            self._progress(len(some))
+            self._count(len(some))
+
+    def _count(self, ticks: int) -> None:
+        self._read += ticks
+        before, self._exported = self._exported, self._read // self.passes
+        self._progress(self._exported - before)
 
 
 def values_of(frame: BagFrame, handles: list[int]) -> Floats:
@@ -139,9 +145,10 @@ def _columns(some: list[tuple[int, Array]], handles: list[int]) -> list[Array]:
 def _npz(source: ExportedTicks, file: IO[bytes]) -> None:
     """Write each array in a separate pass over the ticks, so that no complete array is ever in memory."""
     first, handles = source.first, source.handles
-    times = np.array(list(chain.from_iterable(source.picked(_times))), np.int64)
     names = ['handles_m', *(['velocities_m_s'] if first.velocity_m_s is not None else []),
              *(['bench_centres_m', 'bench_axes'] if first.benches is not None else [])]
+    source.passes = 1 + len(names)
+    times = np.array(list(chain.from_iterable(source.picked(_times))), np.int64)
     with zipfile.ZipFile(file, 'w', zipfile.ZIP_STORED) as archive:
         _whole(archive, 't_ns', times)
         _whole(archive, 'handle_numbers', np.array(handles, np.int64))
