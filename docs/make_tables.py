@@ -18,11 +18,11 @@ sys.path.insert(0, str(ROOT))
 import dragon_ros as dr  # noqa: E402
 from dragon_contest import limits as contest_budgets  # noqa: E402
 from dragon_ros import configuration  # noqa: E402
+from dragon_ros.__main__ import EXECUTABLES  # noqa: E402
 from dragon_ros.configuration import scene_names  # noqa: E402
 from dragon_ros.core import domain  # noqa: E402
 from dragon_ros.core import limits as budgets  # noqa: E402
 from dragon_ros.core.flags import MEANINGS, NEEDS  # noqa: E402
-from dragon_ros.executables import EXECUTABLES  # noqa: E402
 from dragon_ros.messages.channels import Channel, channels  # noqa: E402
 from dragon_ros.nodes import params  # noqa: E402
 from dragon_ros.scenes.load import PARTS  # noqa: E402

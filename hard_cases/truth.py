@@ -1,6 +1,5 @@
 """The 50-digit reference of the hard cases, and the error of a solver relative to it."""
 import json
-from collections.abc import Callable
 from dataclasses import dataclass
 from decimal import Decimal
 from functools import lru_cache
@@ -15,7 +14,6 @@ from hard_cases.cases import Problem
 
 _FILE = Path(__file__).resolve().with_name('reference.json')
 _KEYS = ('x', 'y', 'vx', 'vy')
-Solve = Callable[[float], tuple[Floats, Floats]]
 
 
 @dataclass(frozen=True)

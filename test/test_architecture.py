@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 import pytest
 
 import dragon_ros
-from dragon_ros.executables import EXECUTABLES
+from dragon_ros.__main__ import EXECUTABLES
 from dragon_ros.guests import GUESTS as OPTIONAL
 
 ROOT = Path(__file__).parents[1]
@@ -173,8 +173,7 @@ def test_a_command_is_written_on_the_public_api(command):
 WITHOUT_GUESTS = """
 import importlib, pkgutil, sys
 import dragon_ros
-from dragon_ros.__main__ import main
-from dragon_ros.executables import EXECUTABLES
+from dragon_ros.__main__ import EXECUTABLES, main
 from dragon_ros.guests import GUESTS
 assert not [name for name in GUESTS if name in EXECUTABLES], EXECUTABLES
 assert main(['table', '--times', '0', '--handles', '0']) == 0

@@ -13,10 +13,9 @@ from properties import thinned
 from shapely import LineString
 
 import dragon_ros as dr
-from dragon_ros.__main__ import main
+from dragon_ros.__main__ import EXECUTABLES, NODES, main
 from dragon_ros.cli.dds_domain import free_domain, local_environment
 from dragon_ros.core.model import compile_scene
-from dragon_ros.executables import EXECUTABLES, NODES
 
 pytest.importorskip('dragon_contest', reason='the documents also describe the packages beside dragon_ros')
 pytest.importorskip('dragon_studies', reason='the documents also describe the packages beside dragon_ros')

@@ -1,9 +1,8 @@
 """Style all figures and write them to files. Matplotlib is imported only when a figure is drawn."""
 import logging
 import warnings
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,6 @@ from dragon_ros.version import __version__
 BODY, HEAD, TOUCHED, TRACK, POINT = '#56B4E9', '#D55E00', '#E69F00', '#999999', '#000000'
 LINES = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9')
 HATCH = '////'          # hatching of touching benches, whose colours look alike in black and white
-DASHES: tuple[Any, ...] = ('solid', (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1, 1, 1, 1, 1)),
-                           (0, (8, 3)))
 QUIET = '#555555'       # colour of notes and guide lines
 OBSTACLE = '#DDD8CE'    # colour of a venue's obstacles and of the area outside its boundary
 
@@ -76,19 +73,6 @@ def legend_below(axes: Any, columns: int = 2, **options: Any) -> None:
     axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.13), ncols=columns, **options)
 
 
-def thin_labels(axis: Any) -> None:
-    """Use as many ticks as possible on a horizontal axis of fixed size and range, without overlapping labels.
-
-    By default, Matplotlib assumes labels of three digits.
-    """
-    from matplotlib.ticker import MaxNLocator
-    for intervals in range(9, 0, -1):
-        axis.set_major_locator(MaxNLocator(intervals, steps=(1, 2, 2.5, 5, 10)))
-        boxes = [label.get_window_extent() for label in axis.get_ticklabels()]
-        if all(one.x1 + one.height / 2 < other.x0 for one, other in pairwise(boxes)):
-            return
-
-
 def add_lines(axes: Any, patch: Any) -> None:
     """Add a patch that consists of straight lines to axes, with the same result as ``axes.add_patch``.
 
@@ -97,18 +81,6 @@ def add_lines(axes: Any, patch: Any) -> None:
     """
     axes.update_datalim(patch.get_path().vertices)
     axes.add_artist(patch)
-
-
-def spread(values: Sequence[float], least: float, end: float) -> list[float]:
-    """Return the increasing ``values``, moved so that they are at least ``least`` apart and none exceeds ``end``."""
-    out: list[float] = []
-    for value in values:
-        out.append(max(value, out[-1] + least) if out else value)
-    room = end
-    for n in reversed(range(len(out))):
-        out[n] = min(out[n], room)
-        room = out[n] - least
-    return out
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from math import floor, log10
 from pathlib import Path
 from typing import Any
@@ -10,9 +11,10 @@ import numpy as np
 from matplotlib.artist import Artist
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from dragon_ros.cli import figures
-from dragon_ros.cli.figures import HEAD, LINES, QUIET, thin_labels
+from dragon_ros.cli.figures import HEAD, LINES, QUIET
 from dragon_ros.cli.pool import ALONE, Pool
 from dragon_ros.core.errors import FieldError, InputError
 from dragon_ros.core.numerics.types import Array, Floats
@@ -234,7 +236,7 @@ class _Curves:
         gap.plot(at_s, 1e3 * gaps_m, color=LINES[0], linewidth=1.6)
         which = 'to benches or obstacles' if source.has_obstacles else 'between benches'
         gap.set(title=f'smallest gap {which} (mm)', xlabel='time (s)', xlim=(times_s[0], times_s[-1]))
-        thin_labels(gap.xaxis)
+        _thin_labels(gap.xaxis)
         gap.axhline(0.0, color=QUIET, linewidth=0.8)
         self._now = gap.axvline(times_s[0], color=QUIET, linewidth=1.0)
         self._gap, = gap.plot([], [], marker='o', markersize=8, color=HEAD, linestyle='none', clip_on=False)
@@ -260,6 +262,18 @@ class _Curves:
         self._gap.set_data([one.t_s] if finite else [], [1e3 * clearance_m] if finite else [])
         if one.speed_m_s is not None:
             self._speed.set_data(np.arange(one.speed_m_s.size), one.speed_m_s)
+
+
+def _thin_labels(axis: Any) -> None:
+    """Use as many ticks as possible on a horizontal axis of fixed size and range, without overlapping labels.
+
+    By default, Matplotlib assumes labels of three digits.
+    """
+    for intervals in range(9, 0, -1):
+        axis.set_major_locator(MaxNLocator(intervals, steps=(1, 2, 2.5, 5, 10)))
+        boxes = [label.get_window_extent() for label in axis.get_ticklabels()]
+        if all(one.x1 + one.height / 2 < other.x0 for one, other in pairwise(boxes)):
+            return
 
 
 def film_size(text: str) -> tuple[int, int]:

@@ -1,10 +1,13 @@
 """Curves of a run: clearance over time, and speed along the chain."""
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dragon_ros.cli import figures
-from dragon_ros.cli.figures import DASHES, HEAD, LINES, PAGE_IN, POINT, QUIET
+from dragon_ros.cli.figures import HEAD, LINES, PAGE_IN, POINT, QUIET
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.pictures.sources import Moment, Progress, Source, Touch, check_times, clearances, thinned
@@ -13,6 +16,8 @@ MOST_POINTS = 1500          # number of points per curve, more than a screen can
 _CLOSE_S = 15.0             # duration (s) shown before the contact
 _MOST_LABELS = 20           # largest number of labels beside lines
 _WIDE_IN, _NARROW_IN = 7.4, 3.6     # widths of the two panels, in inches
+_DASHES: tuple[Any, ...] = ('solid', (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1, 1, 1, 1, 1)),
+                            (0, (8, 3)))
 
 
 def clearance_picture(source: Source, progress: Progress) -> Figure:
@@ -74,7 +79,7 @@ def speeds_picture(source: Source, times_s: list[float]) -> Figure:
     for number, one in enumerate(moments):
         speed = speeds_of(source, one)
         axes.plot(np.arange(speed.size), speed, color=LINES[number % len(LINES)],
-                  linestyle=DASHES[number % len(DASHES)])
+                  linestyle=_DASHES[number % len(_DASHES)])
     axes.set(xlabel='handle (0 is the head, the last is the tail)', ylabel='speed (m/s)', xlim=(0, speed.size - 1))
     axes.set_title(figures.titled(source.name, 'speed along the chain', _WIDE_IN))
     _label_ends(axes, source, [moments[n] for n in thinned(0, len(moments) - 1, _MOST_LABELS).tolist()], moments)
@@ -86,7 +91,7 @@ def _label_ends(axes: Axes, source: Source, labelled: list[Moment], moments: lis
     low, high = axes.get_ylim()
     colours = {one.t_s: LINES[number % len(LINES)] for number, one in enumerate(moments)}
     ends = sorted((float(speeds_of(source, one)[-1] - low) / (high - low), one.t_s) for one in labelled)
-    for (end, t_s), y in zip(ends, figures.spread([end for end, _ in ends], 1 / _MOST_LABELS, 1.0), strict=True):
+    for (end, t_s), y in zip(ends, _spread([end for end, _ in ends], 1 / _MOST_LABELS, 1.0), strict=True):
         axes.annotate(f'{t_s:g} s', (1.0, end), xytext=(1.03, y), xycoords='axes fraction', textcoords='axes fraction',
                       va='center', color=colours[t_s], annotation_clip=False, arrowprops={
                           'arrowstyle': '-', 'color': colours[t_s], 'linewidth': 0.7, 'shrinkA': 0, 'shrinkB': 0})
@@ -97,3 +102,15 @@ def speeds_of(source: Source, one: Moment) -> Floats:
     if one.speed_m_s is None:
         raise InputError(f'{source.name}: it has no velocities; record with the effect velocity, or plot the scene')
     return one.speed_m_s
+
+
+def _spread(values: Sequence[float], least: float, end: float) -> list[float]:
+    """Return the increasing ``values``, moved so that they are at least ``least`` apart and none exceeds ``end``."""
+    out: list[float] = []
+    for value in values:
+        out.append(max(value, out[-1] + least) if out else value)
+    room = end
+    for n in reversed(range(len(out))):
+        out[n] = min(out[n], room)
+        room = out[n] - least
+    return out

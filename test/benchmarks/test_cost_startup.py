@@ -3,9 +3,9 @@ import numpy as np
 import pytest
 
 from benchmarks import startup
+from dragon_ros.__main__ import EXECUTABLES
 from dragon_ros.cli import figures
 from dragon_ros.cost.measure import Timing
-from dragon_ros.executables import EXECUTABLES
 
 
 def rows():

@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
+from dragon_ros.__main__ import EXECUTABLES
 from dragon_ros.configuration import scene_names
-from dragon_ros.executables import EXECUTABLES
 
 LINES = {
     'dragon ta': {'table'},
@@ -17,7 +17,6 @@ LINES = {
     'dragon table --accuracy f': {'fine'},
     'dragon plot c': {'clearance', 'contact'},
     'dragon plot dragon --bag r': {'run.mcap'},
-    'dragon cost a': {'accuracy', 'all'},
     './dragon view --no': {'--no-browser'},
 }
 EVERY = 'dragon '

@@ -13,12 +13,11 @@ import pytest
 from properties import thinned
 
 import dragon_ros
-from dragon_ros.__main__ import main
+from dragon_ros.__main__ import EXECUTABLES, main
 from dragon_ros.cli import command_line
 from dragon_ros.cli.ranges import handles_of, times_of
 from dragon_ros.cli.signals import ending
 from dragon_ros.commands import demo, plot
-from dragon_ros.executables import EXECUTABLES
 
 
 def run(capsys, *arguments):

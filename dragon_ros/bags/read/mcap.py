@@ -47,7 +47,6 @@ T = TypeVar('T')
 _FIXED = struct.Struct('<QQQII')
 _MESSAGE = struct.Struct('<HIQQ')
 _INDEX_HEAD, _INDEX_ENTRY = struct.Struct('<HI'), 16     # head: channel, bytes of its entries; entry: time, offset
-MESSAGE_HEAD = _MESSAGE.size    # bytes before the data in a message's content
 _LONGEST_NAME = 32              # limit on the length of a compression's name
 _MOST_FAULTS = 100      # limit on the stored faults
 _PACKED_MORE = 1 / 128          # largest fraction by which compression can enlarge a chunk (of random bytes)
