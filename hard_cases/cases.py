@@ -65,7 +65,7 @@ def _scaled_dragon(benches: int, scale: float) -> Dragon:
 
 def _diameter_start() -> Spiral:
     """Return the classic track, started so that the head link equals the diameter 2 theta + pi in units of b."""
-    theta = 0.5 * (Dragon().head_link_m / Spiral().b_m - pi)
+    theta = 0.5 * (Dragon().link_lengths_m.item(0) / Spiral().b_m - pi)
     return Spiral(0.55, theta / (2 * pi))
 
 

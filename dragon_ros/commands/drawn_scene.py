@@ -274,9 +274,7 @@ def _near(track: 'Track', length_m: float) -> Any:
     """Return the surroundings of a track, and of the dragon behind it, as a shapely geometry."""
     import numpy as np
     from shapely import LineString
-
-    from dragon_ros.core.tracks.polyline import polyline
-    points = polyline(track, 0.0, track.end_m, 0.1)
-    way = points[1] - points[0]
-    behind = points[0] - length_m * way / np.hypot(*way)
+    points = track.polyline(0.0, track.end_m, 0.1)
+    first = points[1] - points[0]
+    behind = points[0] - length_m * first / np.hypot(*first)
     return LineString(np.concatenate((behind[None], points))).buffer(_NEAR_M, quad_segs=4)

@@ -17,6 +17,7 @@ import numpy as np
 
 from dragon_ros.core import paper
 from dragon_ros.core.chain.chain import Chain, marched
+from dragon_ros.core.chain.commanded import times_between
 from dragon_ros.core.chain.dragon import AnyDragon
 from dragon_ros.core.chain.leader import Leader
 from dragon_ros.core.chain.lock import head_lock_angle
@@ -29,8 +30,7 @@ from dragon_ros.core.promise import check_request, promise_m
 from dragon_ros.core.scene import LATEST_S, NS, Scene
 from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
 from dragon_ros.core.shift_map.table import ShiftMap
-from dragon_ros.core.tracks.composite import Track, least_radius_m, track_of
-from dragon_ros.core.tracks.polyline import SAG_M, polyline
+from dragon_ros.core.tracks.composite import SAG_M, Track, least_radius_m, track_of
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import STurn, TrackSpec
 
@@ -286,9 +286,8 @@ class Simulation:
         """The smallest and largest distance that the leader travels in the run, or can travel if it is commanded."""
         if self.scene.is_led:
             return self._reach_m
-        run, law, end_s = self.scene.run, self.scene.head, self.end.t_s
-        times = (run.start_s, *(t_s for t_s in law.breaks_s if run.start_s < t_s < end_s), end_s)
-        travels_m = [float(law.travelled_m(t_s)) for t_s in times]
+        law = self.scene.head
+        travels_m = [float(law.travelled_m(t_s)) for t_s in times_between(law, self.scene.run.start_s, self.end.t_s)]
         return min(travels_m), max(travels_m)
 
     @cached_property
@@ -333,7 +332,7 @@ class Simulation:
 
         The polyline deviates from the track by at most ``sag_m``.
         """
-        return read_only(polyline(self.model.track, *self.span_m, sag_m)[::-1].copy())
+        return read_only(self.model.track.polyline(*self.span_m, sag_m)[::-1].copy())
 
     def chain(self, t_s: float) -> Chain:
         """Return the chain at any instant. Raises ModelEnd beyond the end of the model."""

@@ -115,11 +115,6 @@ class Chain:
             part.headings(self, out.reshape(-1) if out.ndim == 2 else out)
         return read_only(out)
 
-    @property
-    def tangents(self) -> Floats:
-        """Unit tangents opposite to the head's direction (towards the tail), even while a handle moves backwards."""
-        return read_only(-self.headings)
-
     @cached_property
     def places(self) -> Places:
         """Positions of the handles from head to tail: segments and coordinates, each of shape (..., N+1)."""

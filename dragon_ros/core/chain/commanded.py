@@ -16,6 +16,7 @@ from dragon_ros.core.chain.head_law import Head, Knot, Legs, Profile, Reached, a
 from dragon_ros.core.checks import number, settle
 from dragon_ros.core.domain import SPEED
 from dragon_ros.core.errors import FieldError
+from dragon_ros.core.numerics.roots import illinois
 
 SHORT_M = 0.01  # smallest distance that the leader keeps from an end of the track, or from a lock, where speeds diverge
 
@@ -141,6 +142,19 @@ class Walked:
 
 
 HeadLaw = Head | Profile | Commanded | Walked
+
+
+def times_between(law: HeadLaw, start_s: float, end_s: float) -> list[float]:
+    """Return the start, the breaks of a law, and the end: times between which the leader moves in one direction."""
+    return [start_s, *(t_s for t_s in law.breaks_s if start_s < t_s < end_s), end_s]
+
+
+def passed_s(law: HeadLaw, travel_m: float, low_s: float, high_s: float) -> float:
+    """Return when the leader has travelled a distance, between two times on different sides of it."""
+    def beyond_m(t_s: float) -> float:
+        return float(law.travelled_m(t_s)) - travel_m
+
+    return illinois(beyond_m, low_s, high_s, beyond_m(low_s), beyond_m(high_s))
 
 
 def walked_from(settings: Commanded, start_s: float) -> Walked:

@@ -27,23 +27,6 @@ class _Lengths(Settings):
         return read_only(self.bench_lengths_m - 2 * self.hole_inset_m)
 
     @cached_property
-    def classes(self) -> tuple[tuple[int, ...], ...]:
-        """Classes of benches: the head alone, and all others but the last two, grouped by the lengths that follow.
-
-        Two benches are in the same class if the lengths of the benches from each one backwards agree, up to the end of
-        the shorter sequence. The body is a single class if all its benches are equal.
-        """
-        lengths, found = self.bench_lengths_m, dict[float, list[list[int]]]()
-        for bench, length in enumerate(lengths[1:-2].tolist(), 1):
-            as_long = found.setdefault(length, [])
-            same = next((each for each in as_long if has_same_links_behind(lengths, each[0], bench)), None)
-            if same:
-                same.append(bench)
-            else:
-                as_long.append([bench])
-        return (0,), *sorted(tuple(each) for as_long in found.values() for each in as_long)
-
-    @cached_property
     def half_sizes_m(self) -> tuple[Floats, Floats]:
         """Half the length and half the width of each bench (m, each of shape (benches,))."""
         return (read_only(0.5 * self.bench_lengths_m),
@@ -69,11 +52,6 @@ class Dragon(_Lengths):
         _settle_common(self)
         settle(self, **{name: _length(f'dragon.{name}', getattr(self, name), self.hole_inset_m)
                         for name in ('head_length_m', 'body_length_m')})
-
-    @property
-    def head_link_m(self) -> float:
-        """Distance between the two handles of the head bench."""
-        return self.head_length_m - 2 * self.hole_inset_m
 
     @cached_property
     def bench_lengths_m(self) -> Floats:
@@ -139,12 +117,6 @@ AnyDragon = Dragon | Mixed
 def is_even(lengths_m: Floats) -> bool:
     """Return whether all lengths (N,) after the first are equal, as they are in the classic dragon."""
     return bool(np.all(lengths_m[1:] == lengths_m[-1]))
-
-
-def has_same_links_behind(lengths_m: Floats, one: int, other: int) -> bool:
-    """Return whether the benches from ``other`` on have the same lengths as those from ``one`` (<= ``other``) on."""
-    rest = lengths_m[other:]
-    return bool(rest[0] == lengths_m[one] and np.all(rest == lengths_m[one:one + rest.size]))
 
 
 def _settle_common(dragon: AnyDragon) -> None:

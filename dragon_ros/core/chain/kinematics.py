@@ -21,8 +21,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from dragon_ros.core.numerics.types import Floats, Ints, read_only
-from dragon_ros.core.numerics.vectors import dot, left
+from dragon_ros.core.numerics.types import Floats, Ints, dot, left, read_only
 from dragon_ros.core.tracks.composite import Track
 
 _ULP = 2.0**-52
@@ -67,10 +66,6 @@ class RigidLinks:
             ratio = np.cumprod((rear / front)[..., ::-1], axis=-1)[..., ::-1]
             np.multiply(ratio, leading[..., None], out=out[..., :-1])
         return out
-
-    def velocities(self, leader_m_s: float | Floats) -> Floats:
-        """Return the velocities (m/s, shape (..., N+1, 2))."""
-        return read_only(self.speeds(leader_m_s)[..., None] * self.forward)
 
     def accelerations(self, speeds: Floats, curvature: Floats, leader_m_s2: float | Floats) -> Floats:
         """Return the accelerations (m/s^2, shape (..., N+1, 2)).

@@ -4,8 +4,7 @@ import numpy as np
 from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.chain.kinematics import RigidLinks, carried, entered_curvatures
 from dragon_ros.core.model import Simulation
-from dragon_ros.core.numerics.types import Floats, read_only
-from dragon_ros.core.numerics.vectors import dot
+from dragon_ros.core.numerics.types import Floats, dot, read_only
 
 
 def accelerations(simulation: Simulation, t_s: float, chain: Chain) -> Floats:

@@ -43,15 +43,12 @@ class Layers:
         return np.maximum.accumulate(self.dragon.link_lengths_m[::-1])[::-1]
 
     def gaps_m(self, theta: Floats, bench: Ints) -> Floats:
-        """Return bounds as ``gaps_from_m`` does, while front handles have polar angles of ``theta`` (M,) or more."""
-        return self.gaps_from_m(self.b_m * theta, bench)
-
-    def gaps_from_m(self, radius_m: Floats, bench: Ints) -> Floats:
         """Return bounds (M,) on the gaps between benches (M,) and all benches behind them except the next ones.
 
-        The bounds hold while the front handles of the benches are at least ``radius_m`` (M,) from the centre. A bound
-        that is not positive proves nothing. At least two benches must be behind each bench.
+        The bounds hold while the front handles of the benches have polar angles of ``theta`` (M,) or more. A bound that
+        is not positive proves nothing. At least two benches must be behind each bench.
         """
+        radius_m = self.b_m * theta
         link_m, longest_m = self.dragon.link_lengths_m, self._longest_m[bench + 2]
         own_m, between_m = link_m[bench], link_m[bench + 1]
         with np.errstate(all='ignore'):

@@ -23,7 +23,7 @@ from dragon_ros.core.geometry.near_pairs import TOUCH_M, NearPairs
 from dragon_ros.core.geometry.rectangles import Benches, together
 from dragon_ros.core.geometry.signed_distance import PartedPairs, gap_of, parted_pairs
 from dragon_ros.core.geometry.venue import Surroundings
-from dragon_ros.core.numerics.types import Complexes, Floats, Ints
+from dragon_ros.core.numerics.types import Complexes, Floats, Ints, complex_of
 
 _SKIN = 0.3             # margin of lists, relative to the mean bench length; long lists last longer, but take more time
 _MARGIN = 2.0**-40        # tolerance for rounding errors of gaps and displacements, relative to coordinates and sizes
@@ -210,8 +210,7 @@ def _moved_m(kept: _Kept, benches: Benches) -> Floats:
 
 def _complex(benches: Benches) -> tuple[Complexes, Complexes]:
     """Return centres and axes as complex numbers."""
-    centre, axis = (np.ascontiguousarray(one).view(np.complex128)[:, 0] for one in (benches.centre, benches.axis))
-    return centre, axis
+    return complex_of(benches.centre), complex_of(benches.axis)
 
 
 def _sizes(benches: Benches) -> bytes:

@@ -40,7 +40,7 @@ from dragon_ros.core.geometry.broad_phase import candidates, default_reach_m
 from dragon_ros.core.geometry.contacts import Closeness
 from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.geometry.signed_distance import PartedPairs, gap_of, gaps, parted_pairs
-from dragon_ros.core.numerics.types import Complexes, Floats, Ints
+from dragon_ros.core.numerics.types import Complexes, Floats, Ints, complex_of
 
 TOUCH_M = 1e-10         # a smaller gap counts as contact; positions are accurate to 2e-12 m
 _SKIN = 0.45            # margin of lists, relative to the mean half length; longer lists last longer but take more time
@@ -285,7 +285,7 @@ def _cuts(bodies: _ComplexBenches, apart_m: float) -> list[tuple[int, int, int]]
 
 
 def _bodies(benches: Benches, far: Floats) -> _ComplexBenches:
-    centre, axis = (np.ascontiguousarray(values).view(np.complex128)[:, 0] for values in (benches.centre, benches.axis))
+    centre, axis = complex_of(benches.centre), complex_of(benches.axis)
     return _ComplexBenches(centre, axis, axis.conjugate(), far)
 
 
@@ -300,7 +300,7 @@ class _Ahead:
         """Start without bounds; ``sizes`` and ``far`` belong to all samples."""
         self.sizes, self._samples = sizes, samples
         self._rows = {id(benches): row for row, benches in enumerate(samples)}
-        centre, axis = (np.array(values).view(np.complex128)[..., 0] for values in (
+        centre, axis = (complex_of(np.array(values)) for values in (
             [benches.centre for benches in samples], [benches.axis for benches in samples]))
         self._bodies = _ComplexBenches(centre, axis, axis.conjugate(), far)
         self._changes: dict[int, tuple[Complexes, int, list[float]]] = {}

@@ -5,7 +5,7 @@ import numpy as np
 
 from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.chain.dragon import AnyDragon
-from dragon_ros.core.numerics.types import Floats, Ints, read_only
+from dragon_ros.core.numerics.types import Floats, Ints, left, read_only
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class Benches:
     def corners(self) -> Floats:
         """Corners (..., N, 4, 2): front left, rear left, rear right, front right."""
         along = self.half_length[..., None] * self.axis
-        side = self.half_width[..., None] * np.stack((-self.axis[..., 1], self.axis[..., 0]), axis=-1)
+        side = self.half_width[..., None] * left(self.axis)
         c = self.centre
         return np.stack((c + along + side, c - along + side, c - along - side, c + along - side), axis=-2)
 

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dragon_ros.core.geometry.rectangles import Benches
-from dragon_ros.core.numerics.types import Array, Complexes, Floats, Index, Ints
+from dragon_ros.core.numerics.types import Array, Complexes, Floats, Index, Ints, left
 
 CORNERS = ('front left', 'rear left', 'rear right', 'front right')     # in the order of Benches.corners
 EDGES = ('front', 'rear', 'left', 'right')
@@ -329,7 +329,7 @@ def witnesses(benches: Benches, i: Ints, j: Ints) -> Witnesses:
     second = (nearer > same) | ((np.abs(nearer) <= same) & (two.past < one.past - same))
     other = np.where(second, i, j)
     axis, middle = benches.axis[other], np.where(second[:, None], two.middle, one.middle)
-    point = benches.centre[other] + middle[:, :1] * axis + middle[:, 1:] * _left_of(axis)
+    point = benches.centre[other] + middle[:, :1] * axis + middle[:, 1:] * left(axis)
     return Witnesses(point, gap, np.where(second, j, i), np.where(second, two.corner, one.corner), other,
                      np.where(second, two.edge, one.edge))
 
@@ -374,7 +374,3 @@ def _overlapping(corners: Floats, size: Floats, centre: Floats) -> tuple[Array, 
     place[aside, pick] = sign[aside, pick] * (size[aside, pick] + 0.5 * own[corner, pick])
     middle = np.clip(place, -size, size)
     return deepest[aside, pick], past[corner, pick], corner, 2 * aside + (sign[aside, pick] < 0), *middle
-
-
-def _left_of(axis: Floats) -> Floats:
-    return np.stack((-axis[..., 1], axis[..., 0]), axis=-1)

@@ -1,4 +1,4 @@
-"""Array types of the core."""
+"""Array types of the core, and vectors in the plane as arrays (..., 2)."""
 from typing import Any
 
 import numpy as np
@@ -22,3 +22,19 @@ def distinct(values: Array) -> Array:
     grown = np.sort(values)
     out: Array = grown[np.append(True, grown[1:] != grown[:-1])[:grown.size]]
     return out
+
+
+def left(vectors: Floats) -> Floats:
+    """Return vectors rotated by a quarter turn to the left."""
+    return np.stack((-vectors[..., 1], vectors[..., 0]), axis=-1)
+
+
+def dot(a: Floats, b: Floats) -> Floats:
+    """Return scalar products of vectors."""
+    out: Floats = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]
+    return out
+
+
+def complex_of(vectors: Floats) -> Complexes:
+    """Return vectors as complex numbers (...): a view, if the vectors are contiguous."""
+    return np.ascontiguousarray(vectors).view(np.complex128)[..., 0]

@@ -29,6 +29,7 @@ from itertools import pairwise
 import numpy as np
 
 from dragon_ros.core.chain.chain import Chain, marched
+from dragon_ros.core.chain.commanded import passed_s, times_between
 from dragon_ros.core.chain.dragon import AnyDragon
 from dragon_ros.core.chain.forward import next_places
 from dragon_ros.core.chain.lock import turns
@@ -38,7 +39,7 @@ from dragon_ros.core.geometry.rectangles import axes_of, benches_of, corner_leve
 from dragon_ros.core.geometry.signed_distance import CORNERS
 from dragon_ros.core.model import Model, compile_scene
 from dragon_ros.core.numerics.roots import illinois
-from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
+from dragon_ros.core.numerics.types import Array, Floats, Index, Ints, complex_of
 from dragon_ros.core.promise import PER_METRE
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.driver import Boxes, InOrder, divisible, run
@@ -261,8 +262,8 @@ class SweptBench:
         fronts = track.places_at(along_m)
         rears = next_places(track, fronts, link, BEHIND)[0]
         segment, u = (np.stack(pair, axis=1) for pair in zip(fronts, rears, strict=True))
-        (q, r), headings = _complex(track.points(segment, u)).T, track.headings(segment, u)
-        to, to_rear = _complex(headings).T
+        (q, r), headings = complex_of(track.points(segment, u)).T, track.headings(segment, u)
+        to, to_rear = complex_of(headings).T
         axis = (q - r) / link
         states = link_states(track.distances(segment, u), segment, track.curvatures(segment, u), headings,
                              np.stack((axis.real, axis.imag), axis=-1)[:, None], 0)
@@ -293,11 +294,6 @@ class SweptBench:
                     one * _each(front_m) + two * _each(rear_m))
 
 
-def _complex(points: Floats) -> Array:
-    out: Array = points[..., 0] + 1j * points[..., 1]
-    return out
-
-
 def _sides(z: Array) -> Floats:
     """Return the coordinates (M, 4, 4) of complex numbers (M, 4) along the directions SIDES."""
     out: Floats = (z[..., None] * _TOWARDS.conj()).real
@@ -325,10 +321,8 @@ class HandleRanges:
     def __init__(self, scene: Scene) -> None:
         """Compile a scene with the march."""
         self.scene = replace(scene, solver='march')
-        run, law = scene.run, scene.head
-        inside = [t_s for t_s in law.breaks_s if run.start_s < t_s < compile_scene(scene).end.t_s]
-        self._times_s = [run.start_s, *inside, compile_scene(scene).end.t_s]
-        self._travel_m: list[float] = [law.travelled_m(t_s) for t_s in self._times_s]
+        self._times_s = times_between(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
+        self._travel_m: list[float] = [scene.head.travelled_m(t_s) for t_s in self._times_s]
 
     @property
     def _model(self) -> Model:
@@ -367,7 +361,7 @@ class HandleRanges:
         low, high = (end_m - travel_m for end_m in ends_m)
         if low * high >= 0:
             return times[0] if abs(low) <= abs(high) else times[1]
-        return illinois(lambda t_s: float(self.scene.head.travelled_m(t_s)) - travel_m, *times, low, high)
+        return passed_s(self.scene.head, travel_m, *times)
 
     def _leader_m(self, handle: int, along_m: float) -> float:
         """Return the distance travelled by the leader when a handle is at a given distance along the track."""

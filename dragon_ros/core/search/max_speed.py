@@ -26,6 +26,7 @@ from math import ceil, inf, isfinite
 import numpy as np
 
 from dragon_ros.core.chain.chain import Chain, marched_many
+from dragon_ros.core.chain.commanded import passed_s, times_between
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.chain.kinematics import RigidLinks
 from dragon_ros.core.checks import number
@@ -33,7 +34,6 @@ from dragon_ros.core.enclosures.ball_arithmetic import Ball, between
 from dragon_ros.core.enclosures.on_track import LinkStates, link_states, speeds_enclosed
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.driver import Boxes, InOrder, divisible, run
@@ -133,14 +133,14 @@ class _Speeding(InOrder):
     def _first(self) -> Floats:
         """Return short first time intervals (s, shape (2, M)), cut at the law's breaks and where handles turn back."""
         start_s, stop_s = self._scene.run.start_s, compile_scene(self._scene).end.t_s
-        times = [start_s, *(t_s for t_s in self._scene.head.breaks_s if start_s < t_s < stop_s), stop_s]
+        times = times_between(self._scene.head, start_s, stop_s)
         travels_m = [self._travel_m(t_s) for t_s in times]
         cuts = self._leader.turning_m(min(travels_m), max(travels_m))
         if isfinite(self._sure_m):
             cuts.append(self._sure_m - _APART_M - self._leader.start_m)
         parts, count = list[tuple[float, float, int]](), 0
         for pair, ends_m in zip(pairwise(times), pairwise(travels_m), strict=True):
-            inner = sorted(self._when_s(cut, *pair) for cut in cuts if min(ends_m) < cut < max(ends_m))
+            inner = sorted(passed_s(self._scene.head, cut, *pair) for cut in cuts if min(ends_m) < cut < max(ends_m))
             for low_s, high_s in pairwise([pair[0], *inner, pair[1]]):
                 part = self._count(low_s, high_s)
                 parts.append((low_s, high_s, part))
@@ -160,11 +160,6 @@ class _Speeding(InOrder):
 
     def _travel_m(self, t_s: float) -> float:
         return float(self._scene.head.travelled_m(t_s))
-
-    def _when_s(self, travel_m: float, low_s: float, high_s: float) -> float:
-        """Return when the leader has travelled a distance, within a period in which it moves in one direction."""
-        return illinois(lambda t_s: self._travel_m(t_s) - travel_m, low_s, high_s, self._travel_m(low_s) - travel_m,
-                        self._travel_m(high_s) - travel_m)
 
     def _links(self, travel_m: float) -> int:
         """Return the number of links behind the leader whose rear handles may be faster than all preceding handles."""
@@ -280,7 +275,7 @@ def _law_of(scene: Scene) -> _Steady | _Varying:
     if isinstance(scene.head, Head):
         return _Steady()
     start_s, stop_s = scene.run.start_s, compile_scene(scene).end.t_s
-    ends = [start_s, *(t_s for t_s in scene.head.breaks_s if start_s < t_s < stop_s), stop_s]
+    ends = times_between(scene.head, start_s, stop_s)
     assert isinstance(scene.head, Profile)      # the breaks of a commanded law are not known in advance
     at, before = scene.head.speed_at_m_s, scene.head.speed_before_m_s
     largest = max(*(abs(at(t_s)) for t_s in ends), *(abs(before(t_s)) for t_s in ends[1:] if start_s < stop_s))

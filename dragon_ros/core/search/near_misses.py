@@ -16,8 +16,7 @@ from dragon_ros.core.geometry.broad_phase import boxes_within, candidates
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.geometry.signed_distance import gaps, seen_from, signed_gap
 from dragon_ros.core.model import Simulation, compile_scene
-from dragon_ros.core.numerics.types import Array, Floats, Ints
-from dragon_ros.core.numerics.vectors import complex_of
+from dragon_ros.core.numerics.types import Array, Floats, Ints, complex_of
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
 from dragon_ros.core.search.conservative_advancement import ChainIntervals

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple, Optional
 import numpy as np
 
 from dragon_ros.core.chain.chain import Chain, marched_many, stack
-from dragon_ros.core.chain.commanded import HeadLaw
+from dragon_ros.core.chain.commanded import HeadLaw, passed_s, times_between
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of, corner_levers
 from dragon_ros.core.model import Simulation
@@ -55,7 +55,7 @@ class RangeOfTravel:
     @property
     def _times(self) -> list[float]:
         """Times between which the leader moves in one direction."""
-        return [self.start_s, *(t_s for t_s in self.law.breaks_s if self.start_s < t_s < self.end_s), self.end_s]
+        return times_between(self.law, self.start_s, self.end_s)
 
     def travel_m(self, t_s: float) -> float:
         """Return the distance travelled by the leader since t = 0."""
@@ -97,12 +97,8 @@ class RangeOfTravel:
     def passages_s(self, places_m: Sequence[float]) -> list[list[float]]:
         """Return, for each position, the times at which the leader passes it, except where the leader may reverse."""
         legs = [(before, after, self.travel_m(before), self.travel_m(after)) for before, after in pairwise(self._times)]
-        return [[self._passage_s(place, leg) for leg in legs if min(leg[2:]) <= place <= max(leg[2:]) and
+        return [[passed_s(self.law, place, *leg[:2]) for leg in legs if min(leg[2:]) <= place <= max(leg[2:]) and
                  leg[2] != place != leg[3]] for place in places_m]
-
-    def _passage_s(self, travel_m: float, leg: tuple[float, float, float, float]) -> float:
-        before, after, one, two = leg
-        return illinois(lambda t_s: self.travel_m(t_s) - travel_m, before, after, one - travel_m, two - travel_m)
 
     def arrival_s(self, travel_m: float, sense: int) -> float:
         """Return when the leader, moving in one sense, first reaches a distance or comes nearest to it."""

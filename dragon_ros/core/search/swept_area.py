@@ -24,7 +24,7 @@ from shapely import (
 )
 
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.numerics.types import Complexes, Floats
+from dragon_ros.core.numerics.types import Floats, complex_of
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.bounding_box import HandleRanges, SweptBench, by_length, intervals_of
 from dragon_ros.core.tracks.composite import Track
@@ -119,7 +119,7 @@ def room_needed_m(track: Track, swept: SweptArea, stations_m: Floats) -> Floats:
     part passes nearby.
     """
     places = track.places_at(stations_m)
-    points, headings = (_complex(one) for one in track.poses(*places))
+    points, headings = (complex_of(one) for one in track.poses(*places))
     firsts = np.searchsorted(swept.at_m, stations_m - swept.long_m)
     lasts = np.searchsorted(swept.at_m, stations_m + 2 * swept.long_m)
     out = np.zeros((len(stations_m), 2))
@@ -134,8 +134,3 @@ def _reaches_m(benches: Any, at: complex, normal: complex) -> tuple[float, float
     x, y = get_coordinates(intersection(benches, linestrings(ends))).T
     along = ((x + 1j * y - at) * normal.conjugate()).real / abs(normal)
     return float(np.max(along, initial=0.0)), float(-np.min(along, initial=0.0))
-
-
-def _complex(points: Floats) -> Complexes:
-    out: Complexes = points[..., 0] + 1j * points[..., 1]
-    return out

@@ -8,8 +8,7 @@ import numpy as np
 from dragon_ros.core.chain.forward import FEWEST_ROWS, Block, by_segment, forward, forward_many, next_place, placed
 from dragon_ros.core.errors import ChainLockError, TrackEndError
 from dragon_ros.core.numerics.chebyshev import inverse_series, powers_of, series_of, transform
-from dragon_ros.core.numerics.types import Floats, Ints, read_only
-from dragon_ros.core.numerics.vectors import complex_of, dot
+from dragon_ros.core.numerics.types import Floats, Ints, complex_of, dot, read_only
 from dragon_ros.core.tracks.composite import WIDEST_RAD, Place, Places, Track
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Segment, reach_m
 from dragon_ros.core.tracks.spiral import SpiralSegment

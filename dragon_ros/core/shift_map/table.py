@@ -14,18 +14,20 @@ are aligned to the track and built on first use. Each tile depends only on the t
 across runs and processes, regardless of the order in which tiles are built.
 """
 from bisect import bisect_right
+from collections import OrderedDict
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 from enum import Enum, auto
 from functools import cached_property
 from math import acos, floor, inf
-from typing import NamedTuple
+from threading import Lock
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
 from dragon_ros.core.numerics.chebyshev import columns_of, in_parts
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.shift_map.build import Span, Stretch, Table, build, span_of
-from dragon_ros.core.shift_map.cache import BuildCache
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
@@ -44,6 +46,9 @@ _FEWEST_LINKS = 128
 _FEWEST_JOINED = 64
 _NEAR = 1e-9                # relative distance from a boundary within which rounding could decide a position's side
 _BEFORE_LINKS = 64          # number of links from the start of a tile to the track's origin, where runs begin
+
+_Key = TypeVar('_Key', bound=Hashable)
+_Value = TypeVar('_Value')
 
 
 class Product(NamedTuple):
@@ -316,6 +321,43 @@ class Tile:
                 for n in (0, 1))
         out: Floats = np.hypot(x, y)
         return out
+
+
+class BuildCache(Generic[_Key, _Value]):
+    """Values by key, built on first use; the least recently used values are dropped while there are too many.
+
+    Threads that need a value wait while another thread builds one, so that nothing is built twice.
+    """
+
+    def __init__(self, are_too_many: Callable[[list[_Value]], bool]) -> None:
+        """Store the function that decides whether there are too many values."""
+        self._are_too_many = are_too_many
+        self._values: OrderedDict[_Key, _Value] = OrderedDict()
+        self._building = Lock()
+
+    def get(self, key: _Key, build: Callable[[_Key], _Value]) -> _Value:
+        """Return a value, built on first use; the latest value is never dropped.
+
+        The cache does not store ``build``, which is usually a method of its owner: both would wait for the garbage
+        collector.
+        """
+        try:
+            self._values.move_to_end(key)
+            return self._values[key]
+        except KeyError:        # not yet built, or dropped
+            pass
+        with self._building:
+            if key in self._values:
+                return self._values[key]
+            value = self._values[key] = build(key)
+            while len(self._values) > 1 and self._are_too_many(self.values):
+                self._values.popitem(last=False)
+            return value
+
+    @property
+    def values(self) -> list[_Value]:
+        """The values, the least recently used first."""
+        return list(self._values.values())
 
 
 def _memory_bytes(tiles: list[Tile | None]) -> int:

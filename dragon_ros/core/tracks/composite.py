@@ -13,7 +13,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from math import degrees, hypot, inf, pi, radians, remainder
+from math import degrees, hypot, inf, pi, radians, remainder, sqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -33,6 +33,10 @@ _BEYOND = 1e-9      # how far rounding may put the leader beyond the track's end
 _SLACK = 0.02       # how far a follower may be put beyond the end, relative to a link
 WIDEST_RAD = 1.3    # approximate limit on a link's span on an inward spiral; a wider link may be close to locking
 _NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # largest difference between the end of a piece and the stated start of the next
+
+SAG_M = 0.002               # on a screen that shows tens of metres, smaller deviations are invisible
+_MOST_POINTS = 100_000      # maximum number of points of a polyline per segment
+_MOST_IN_ALL = 1_000_000    # and in all
 
 Places = tuple[Ints, Floats]        # indices of the segments, and the coordinates on them
 
@@ -153,6 +157,23 @@ class Track:
         return [(segment, first.u if k == first.segment else segment.first,
                  last.u if k == last.segment else segment.last)
                 for k, segment in enumerate(self.segments) if first.segment <= k <= last.segment]
+
+    def polyline(self, low_m: float, high_m: float, sag_m: float = SAG_M) -> Floats:
+        """Return points (m, shape (n, 2)) along the track between two distances, in the head's direction.
+
+        The polyline deviates from the track by at most ``sag_m`` (R phi^2 / 8 for an angle phi), unless this requires
+        more than 100,000 points in a segment, or more than an equal share of 1,000,000 points. The largest curvature on
+        each segment determines the density of its points.
+        """
+        parts, segments = [], self.between(low_m, high_m)
+        most = min(_MOST_POINTS, max(2, _MOST_IN_ALL // len(segments)))
+        for segment, first, last in segments:
+            bend = float(np.max(np.abs(segment.curvature(np.array([first, last])))))
+            count = float(segment.metres_between(first, last)) * sqrt(bend / (8 * sag_m))
+            places = segment.at(np.linspace(first, last, min(most, 2 + int(count))))
+            parts.append(np.stack((places.real, places.imag), axis=1))
+        out: Floats = np.concatenate(parts)
+        return out
 
     def far_m(self, low_m: float, high_m: float) -> float:
         """Return an upper bound on the distance from the origin to any point between two distances along the track."""

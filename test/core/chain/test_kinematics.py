@@ -180,7 +180,7 @@ def test_many_instants_at_once_have_the_motion_of_each():
     scene = Scene(SHORT, STurn(before_m=5.0), run=Run(stop_s=30.0))
     chains = states(scene, [3.0, 12.0, 21.0])
     curvature = np.full(chains.p.shape[:-1], 0.2)
-    many = RigidLinks(chains.p, chains.links_m, -chains.tangents, chains.leader)
+    many = RigidLinks(chains.p, chains.links_m, chains.headings, chains.leader)
     speeds = many.speeds(np.array([1.0, 2.0, 3.0]))
     rate = np.array([0.0, 1.0, -1.0])
     for n in range(3):
@@ -188,7 +188,7 @@ def test_many_instants_at_once_have_the_motion_of_each():
         assert np.array_equal(one.speeds(n + 1.0), speeds[n])
         assert one.accelerations(speeds[n], curvature[n], rate[n]) == pytest.approx(
             many.accelerations(speeds, curvature, rate)[n], abs=1e-13)
-    assert many.velocities(1.0) == pytest.approx(chains.velocities(np.ones(3)), abs=1e-12)
+    assert many.speeds(1.0)[..., None] * many.forward == pytest.approx(chains.velocities(np.ones(3)), abs=1e-12)
 
 
 @pytest.mark.parametrize('shape', [(4,), (3, 4), (2, 3, 4)])

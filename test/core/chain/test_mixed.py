@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from properties import examples
 
 from dragon_ros.core.batches import states
-from dragon_ros.core.chain.dragon import Dragon, Group, Mixed, has_same_links_behind
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.lock import follower, head_lock_angle
 from dragon_ros.core.errors import ChainLockError, FieldError
@@ -126,14 +126,6 @@ def test_the_link_that_locks_first_is_named_wherever_it_is():
     assert compile_scene(Scene(dragon=LONG_FOURTH, track=Spiral(0.55, 16.0), run=Run(0, 430))).end.reason == 'stop'
     with pytest.raises(ChainLockError, match='link 3 cannot be placed'):
         _ = compile_scene(Scene(dragon=LONG_FOURTH, track=Spiral(0.55, 2.0))).end
-
-
-def test_behind_which_benches_the_dragon_has_same_links_behind():
-    lengths = np.array([3.0, 2, 1, 2, 1, 2])
-    assert has_same_links_behind(lengths, 1, 3)
-    assert has_same_links_behind(lengths, 1, 5)
-    assert not has_same_links_behind(lengths, 1, 2)
-    assert not has_same_links_behind(lengths, 0, 1)
 
 
 @pytest.mark.parametrize(('field', 'value'), [

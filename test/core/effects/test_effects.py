@@ -203,8 +203,8 @@ def test_tensions_and_the_track_alone_accelerate_every_handle():
     pull = frame.tension_n_kg[:, None] * frame.axis
     force = pull.copy()
     force[:-1] -= pull[1:]
-    along = np.sum(force * frame.chain.tangents[1:], axis=1)
-    assert along == pytest.approx(np.sum(frame.acceleration_m_s2[1:] * frame.chain.tangents[1:], axis=1), abs=1e-12)
+    along = np.sum(force * frame.chain.headings[1:], axis=1)
+    assert along == pytest.approx(np.sum(frame.acceleration_m_s2[1:] * frame.chain.headings[1:], axis=1), abs=1e-12)
 
 
 def test_noise_repeats_for_a_seed_and_a_tick_and_differs_for_others():
@@ -279,7 +279,7 @@ def test_on_every_track_tensions_accelerate_all_handles_but_the_leader_and_its_l
     force[:-1] -= pull
     tail_leads = scene.head.lead == 'tail'
     free, leaders_link = (slice(0, -1), -1) if tail_leads else (slice(1, None), 0)
-    along, wanted = (np.sum(vectors * frame.chain.tangents, axis=1)[free]
+    along, wanted = (np.sum(vectors * frame.chain.headings, axis=1)[free]
                      for vectors in (force, frame.acceleration_m_s2))
     assert along == pytest.approx(wanted, abs=1e-11)        # a sum of N terms of several m/s^2
     v, a = frame.velocity_m_s[free], frame.acceleration_m_s2[free]

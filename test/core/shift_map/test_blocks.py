@@ -74,10 +74,10 @@ def agree(scene, t_s):
     fast = max(1.0, float(np.max(np.hypot(*v.T)))) ** 2
     np.testing.assert_allclose(one.p, other.p, rtol=0, atol=atol)
     np.testing.assert_allclose(velocity_of(scene, one, t_s), v, rtol=0, atol=atol * fast)
-    np.testing.assert_allclose(one.tangents, other.tangents, rtol=0, atol=atol)
+    np.testing.assert_allclose(one.headings, other.headings, rtol=0, atol=atol)
     np.testing.assert_allclose(many.p, [other.p] * 2, rtol=0, atol=atol)
     np.testing.assert_allclose(velocity_of(scene, many, [t_s, t_s]), [v] * 2, rtol=0, atol=atol * fast)
-    np.testing.assert_allclose(many.tangents, [other.tangents] * 2, rtol=0, atol=atol)
+    np.testing.assert_allclose(many.headings, [other.headings] * 2, rtol=0, atol=atol)
     return one.solver
 
 
@@ -298,7 +298,7 @@ def test_instants_of_two_tiles_in_any_order_are_where_each_alone_is():
 
 def test_what_runs_return_is_closed_for_writing():
     for chain in (state(TURNING, 1.0), states(TURNING, [1.0])):
-        for array in (chain.p, chain.velocities(1.0), chain.tangents):
+        for array in (chain.p, chain.velocities(1.0), chain.headings):
             with pytest.raises(ValueError, match='read-only'):
                 array[0] = 0
 
@@ -311,8 +311,8 @@ def test_no_states_of_a_dance_are_a_chain_of_no_states():
 def test_a_dance_at_rest_has_directions():
     chain = state(replace(TURNING, head=Head(0.0)), 1.0)
     assert np.all(chain.velocities(0.0) == 0)
-    np.testing.assert_allclose(np.hypot(*chain.tangents.T), 1.0, rtol=1e-14)
-    assert np.max(np.abs(chain.tangents)) < inf
+    np.testing.assert_allclose(np.hypot(*chain.headings.T), 1.0, rtol=1e-14)
+    assert np.max(np.abs(chain.headings)) < inf
 
 
 @pytest.mark.parametrize('track', [Spiral(), STurn(before_m=100.0)])

@@ -3,7 +3,7 @@ from threading import Barrier, Thread
 
 import pytest
 
-from dragon_ros.core.shift_map.cache import BuildCache
+from dragon_ros.core.shift_map.table import BuildCache
 
 
 def cache_of(most):

@@ -93,7 +93,7 @@ def test_table_and_march_agree_within_half_the_promise(t_s):
     one, other = state(CLASSIC, t_s), state(MARCHED, t_s)
     np.testing.assert_allclose(one.p, other.p, rtol=0, atol=1e-12)
     np.testing.assert_allclose(one.velocities(1.5), other.velocities(1.5), rtol=0, atol=1e-12)
-    np.testing.assert_allclose(one.tangents, other.tangents, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(one.headings, other.headings, rtol=0, atol=1e-13)
 
 
 def test_many_states_agree_with_single_ones_in_any_order():
@@ -103,7 +103,7 @@ def test_many_states_agree_with_single_ones_in_any_order():
     for k, t_s in enumerate(times):
         np.testing.assert_allclose(many.p[k], state(CLASSIC, t_s).p, rtol=0, atol=1e-13)
         np.testing.assert_allclose(speed[k], state(CLASSIC, t_s).velocities(k + 1.0), rtol=0, atol=1e-12)
-        np.testing.assert_allclose(many.tangents[k], state(MARCHED, t_s).tangents, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(many.headings[k], state(MARCHED, t_s).headings, rtol=0, atol=1e-13)
 
 
 def test_no_states_are_a_chain_of_no_states():
@@ -167,7 +167,7 @@ def test_products_in_parts_join_without_a_seam():
 
 def test_what_the_table_returns_is_closed_for_writing():
     for chain in (state(CLASSIC, 1.0), states(CLASSIC, [1.0])):
-        for array in (chain.p, chain.velocities(1.0), chain.tangents):
+        for array in (chain.p, chain.velocities(1.0), chain.headings):
             with pytest.raises(ValueError, match='read-only'):
                 array[0] = 0
 

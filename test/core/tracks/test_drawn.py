@@ -23,7 +23,6 @@ from dragon_ros.core.tracks.drawn import (
     along,
     noise_m,
 )
-from dragon_ros.core.tracks.polyline import polyline
 from dragon_ros.core.tracks.spec import Arc, Composite, Line
 
 RADIUS_M, LEAST_M, TOLERANCE_M = 3.0, 1.5, 0.02
@@ -40,7 +39,7 @@ def routed(*parts, radius_m=RADIUS_M, tolerance_m=TOLERANCE_M):
 def laid(route, sag_m=1e-5):
     """Return the track of a route, from the start of the drawing, as a line of closely spaced points."""
     track = track_of(Composite(route.pieces))
-    return LineString(polyline(track, route.lead_in_m, track.end_m, sag_m))
+    return LineString(track.polyline(route.lead_in_m, track.end_m, sag_m))
 
 
 def apart_m(route, drawn):

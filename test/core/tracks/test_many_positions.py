@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from dragon_ros.core.numerics.vectors import complex_of
+from dragon_ros.core.numerics.types import complex_of
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc
 
