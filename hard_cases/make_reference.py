@@ -2,9 +2,9 @@
 
     ./dragon python -m hard_cases.make_reference [NAME ...]
 
-The script needs mpmath and runs for half an hour; with names, it computes only these cases and keeps the others. The
-states are those of ``dragon_ros.cost.reference``, which shares nothing numerical with the code that is tested.
-Everything is computed twice, the second time with more digits, and compared.
+The script needs mpmath and runs for a quarter of an hour; with names, it computes only these cases and keeps the
+others. The states are those of ``dragon_ros.cost.reference``, which shares nothing numerical with the code that is
+tested. Everything is computed twice, the second time with more digits, and compared.
 """
 import json
 import sys

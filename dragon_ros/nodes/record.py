@@ -40,8 +40,8 @@ class Recorder(DragonNode):
         handles, = (one for one in self._sources if one.topic == self._names['handles'])
         self.recording = Recording(bag, self._names, self.get_namespace().strip('/'), self._settings(bag),
                                    flush_s=flush_s, queue_mb=queue_mb, trust=trust, warn=self._warn,
-                                   warn_of_invalid=self._warn_of_invalid, publisher_waits=handles.waits)
-        self.recording.on_monitor = self._on_monitor
+                                   warn_of_invalid=self._warn_of_invalid, publisher_waits=handles.waits,
+                                   on_monitor=self._on_monitor)
         self._seldom, self._counted, self._awaited_s, self._skipped_before = Seldom(1.0), 0.0, 0.0, 0
         self._several: dict[str, list[str]] = {}
         self._health: Publisher | None = None

@@ -38,7 +38,8 @@ class Recording:
 
     def __init__(self, bag: BagWriter, names: dict[str, str], namespace: str, settings: dict[str, str], *,
                  flush_s: float, queue_mb: float, trust: bool, warn: Callable[[str], object],
-                 warn_of_invalid: Callable[[str], object], publisher_waits: Callable[[], bool]) -> None:
+                 warn_of_invalid: Callable[[str], object], publisher_waits: Callable[[], bool],
+                 on_monitor: Callable[[], object]) -> None:
         """Add the channels to the bag; ``names`` are the full names of the topics, by their names in topics.yaml.
 
         ``publisher_waits()`` tells whether the publisher of handles waits for its readers, so that nothing is left out
@@ -48,9 +49,9 @@ class Recording:
         self.writer = WriterThread(bag, flush_s, queue_mb)
         self.last_report, self.last_s, self.heard_s, self.seen = LastReport(), time.monotonic(), 0.0, False
         self.skipper = TickSkipper()
-        self.on_monitor: Callable[[], object] = lambda: None
         self._names, self._namespace = names, namespace
-        self._warn, self._warn_of_invalid, self._publisher_waits = warn, warn_of_invalid, publisher_waits
+        self._warn, self._warn_of_invalid = warn, warn_of_invalid
+        self._publisher_waits, self._on_monitor = publisher_waits, on_monitor
         self._simulation, self._monitored = (SimulationClock(self._log, self.losses.skip) for _ in range(2))
         self._first_report = FirstReport()
         self._scenes, self._scene, self._attached = SceneReader(settings, trust), '', set[str]()
@@ -197,12 +198,12 @@ class Recording:
             self.seen = self.seen or handles
             source_ns, sequence = info['source_timestamp'], info['publication_sequence_number'] or 0
             try:
-                t_ns = self._heed(data) if health else stamp_of_message(
+                t_ns = self._note_health(data) if health else stamp_of_message(
                     channel.type, data) if stamped else None
                 if t_ns is None:
                     watched.unstamped(topic, data, source_ns, sequence, channel.latched, stamped)
                     if scene:
-                        self._learn(read_string(data))
+                        self._read_scene(read_string(data))
                     return
                 if handles:
                     self.losses.stamp(t_ns)
@@ -222,20 +223,20 @@ class Recording:
                 self._warn_of_invalid(f'{topic}: message not recorded: {error}')
         return callback
 
-    def _heed(self, data: bytes) -> int | None:
+    def _note_health(self, data: bytes) -> int | None:
         """Record the health of a monitor; return the time of the tick that it refers to, if any."""
         health = read_health(data, self._namespace)
         if health is None:
             return None
         if not self.last_report.heard:
-            self.on_monitor()
+            self._on_monitor()
         self.last_report.health(health)
         self._first_report.health(health)
         if health.waiting:
             self.heard_s = time.monotonic()
         return health.t_ns
 
-    def _learn(self, text: str) -> None:
+    def _read_scene(self, text: str) -> None:
         """Start reading the scene of the run unless it is the last one that was read."""
         if text != self._scene:
             self._scene = text
