@@ -2,8 +2,9 @@
 import subprocess
 import sys
 from argparse import Namespace
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
+from math import log, sqrt
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -11,7 +12,7 @@ from dragon_ros.cli import command_line
 from dragon_ros.core.checks import number, plane_pose
 from dragon_ros.core.errors import FieldError, InputError, MissingError, TrackEndError, shown
 from dragon_ros.core.venue import Origin
-from dragon_ros.core.words import counted
+from dragon_ros.core.words import counted, length
 from dragon_ros.scenes.drawings import DrawnLine, MapLine, chosen, csv_line, map_line, metres_a_unit, svg_line
 from dragon_ros.scenes.georeference import own_origin, read_origin
 from dragon_ros.scenes.load import load_drawn_scene, venue_file
@@ -24,9 +25,8 @@ if TYPE_CHECKING:
     from dragon_ros.messages.decode import PathMessage
 
 _TOLERANCE_M = 0.02     # within which a drawing is followed
-_TOLERANCES_M = (_TOLERANCE_M, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 18.0)     # of recordings
-_LARGEST_M = 25.0
-_NOISES = 6.0           # tolerance of a recording, as a multiple of its noise
+_TOLERANCES_M = (_TOLERANCE_M, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 18.0, 25.0)     # of recordings
+_NOISIER = 1.15         # factor between the tolerances that are tried for a noisy recording
 _RECORDED = 50          # a line with more points may be a recording
 _SHARED = 4             # each tolerance may take a fourth of the work
 _EASY = 2.0             # default radius of corners, as a multiple of the smallest radius
@@ -67,10 +67,12 @@ def drawn_scene(arguments: Namespace) -> DrawnScene:
     notes = [note] if note else []
     if isinstance(line, MapLine):
         notes += [f'{line.path.name}: {line.name}: {text}' for text in line.notes]
-    route, least_m, radius_m, tolerance_m = _route(arguments, base, placed)
+    noise_m = _noise_m(placed)
+    route, least_m, radius_m, tolerance_m = _route(arguments, base, placed, noise_m)
     if tolerance_m > _TOLERANCE_M and arguments.tolerance is None:
-        notes.append(f'the drawing is noisy or winding, so the tolerance is {tolerance_m:g} m; give --tolerance for '
-                     'another')
+        of = f'the recording, whose points scatter by about {noise_m:.1g} m,' if noise_m else 'the drawing'
+        notes.append(f'the track deviates from {of} by up to {length(route.strays_m)} (tolerance {tolerance_m:g} m; '
+                     'give --tolerance for another)')
     from dragon_ros.core.tracks.composite import track_of
     from dragon_ros.core.tracks.spec import Composite
     track = track_of(Composite(route.pieces))
@@ -209,17 +211,42 @@ def _base(arguments: Namespace) -> 'Scene':
     return command_line.scene_from(Namespace(**{**vars(arguments), 'overrides': [*others, 'venue=null']}))
 
 
-def _route(arguments: Namespace, base: 'Scene', line: DrawnLine) -> tuple['Route', float, float, float]:
+def _noise_m(line: DrawnLine) -> float:
+    """Return the noise (m, one standard deviation) of a recording, or 0 for a drawn line."""
+    import numpy as np
+
+    from dragon_ros.core.tracks.drawn import noise_m
+    return max((noise_m(part) for part in line.parts if isinstance(part, np.ndarray)), default=0.0)
+
+
+def _tolerances_m(noise_m: float, points: int) -> Iterator[float]:
+    """Yield the tolerances (m) at which to follow a recording, in the order to try them.
+
+    Of n points with normal noise, the one farthest from the line is about sqrt(2 ln n) times the noise away from it. A
+    track that deviates much less follows the noise, and one that deviates much more leaves the way.
+    """
+    largest_m = _TOLERANCES_M[-1]
+    if not noise_m:
+        yield from _TOLERANCES_M
+        return
+    tolerance_m = 1.1 * noise_m * sqrt(2 * log(points))
+    while tolerance_m < largest_m:
+        yield float(f'{tolerance_m:.2g}')
+        tolerance_m *= _NOISIER
+    yield largest_m
+
+
+def _route(arguments: Namespace, base: 'Scene', line: DrawnLine,
+           noise_m: float) -> tuple['Route', float, float, float]:
     """Return the track along a line, the smallest radius of the links, the radius of corners and the tolerance.
 
-    Without --tolerance, a recording is followed within six times its noise, and a line that cannot be followed within
-    2 cm within the next larger tolerance at which it can.
+    Without --tolerance, a recording is followed within the first tolerance at which this succeeds.
     """
     import numpy as np
 
     from dragon_ros.core.limits import DRAWING_WORK
     from dragon_ros.core.tracks.composite import least_radius_m
-    from dragon_ros.core.tracks.drawn import along, noise_m
+    from dragon_ros.core.tracks.drawn import along
     least_m = least_radius_m(base.dragon.link_lengths_m)
     given = arguments.radius
     radius_m = _EASY * least_m if given is None else number('--radius', given, above=0.0, high=1e6)
@@ -231,11 +258,10 @@ def _route(arguments: Namespace, base: 'Scene', line: DrawnLine) -> tuple['Route
     if arguments.tolerance is not None:
         tolerance_m = number('--tolerance', arguments.tolerance, low=1e-5, high=1e3)
         return along(line.parts, radius_m, least, tolerance_m), least_m, radius_m, tolerance_m
-    noise = max((noise_m(part) for part in line.parts if isinstance(part, np.ndarray)), default=0.0)
-    tolerances = [*(one for one in _TOLERANCES_M if one > _NOISES * noise), _LARGEST_M]
-    is_recording = any(isinstance(part, np.ndarray) and len(part) >= _RECORDED for part in line.parts)
+    points = max((len(part) for part in line.parts if isinstance(part, np.ndarray)), default=0)
+    is_recording = points >= _RECORDED
     limit = DRAWING_WORK // _SHARED if is_recording else DRAWING_WORK
-    for tolerance_m in tolerances if is_recording else tolerances[:1]:
+    for tolerance_m in _tolerances_m(noise_m, points) if is_recording else _TOLERANCES_M[:1]:
         try:
             return along(line.parts, radius_m, least, tolerance_m, limit), least_m, radius_m, (
                 tolerance_m)

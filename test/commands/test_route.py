@@ -1,4 +1,5 @@
 """``route`` on the command line: scenes from drawings, round trips, paths from bags, and rejected input."""
+import re
 import struct
 
 import numpy as np
@@ -141,3 +142,15 @@ def test_a_venue_is_checked_against_the_drawn_track_and_not_against_the_one_befo
     inside = 'venue.inside=[[-5, -5], [65, -5], [65, 55], [55, 55], [55, 5], [-5, 5]]'
     code, _, err = run(capsys, *options, '--set', inside, '--set', 'track.start_turns=99')
     assert (code, err) == (0, '')
+
+
+def test_a_recording_with_noise_becomes_a_track_near_the_way_that_was_walked(capsys, tmp_path):
+    rng = np.random.default_rng(1)
+    way = np.stack((np.linspace(0, 600, 600), 40 * np.sin(np.linspace(0, 600, 600) / 90)), axis=1)
+    np.savetxt(tmp_path / 'way.csv', way + 3 * rng.normal(size=way.shape), delimiter=',', header='x,y', comments='')
+    code, out, err = run(capsys, tmp_path / 'way.csv', '--set', 'dragon.benches=5', '--output', tmp_path / 'a.yaml')
+    assert code == 0, err
+    said = re.search(r'points scatter by about 3 m, by up to (\S+) m \(tolerance (\S+) m; give --tolerance', out)
+    assert float(said[1]) <= float(said[2]) <= 13
+    track = LineString(compile_scene(load_scene(str(tmp_path / 'a.yaml'))).track_line(1e-3))
+    assert np.max(distance(points(way[20:-20]), track)) < 3
