@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dragon_ros.api.bag import Bag, inspect_bag, read_bag, repair_bag
-    from dragon_ros.api.design import design
+    from dragon_ros.api.design import Room, design
     from dragon_ros.api.plot import plot
     from dragon_ros.api.simulated import (
         Clearance,
@@ -27,16 +27,17 @@ if TYPE_CHECKING:
     from dragon_ros.core.errors import DiskError, DragonError, FieldError, InputError, MissingError, ModelEnd
     from dragon_ros.core.scene import Run, Scene
     from dragon_ros.core.search.certificate import Contact, NoContact
+    from dragon_ros.core.search.venue_fit import VenueFit
     from dragon_ros.core.tracks.spec import Spiral, STurn
     from dragon_ros.version import __version__ as __version__
 
 __all__ = ['Bag', 'BagSummary', 'Clearance', 'Comparison', 'Contact', 'DiskError', 'Dragon', 'DragonError',
-           'FieldError', 'InputError', 'MissingError', 'ModelEnd', 'Motion', 'NoContact', 'Run', 'STurn', 'Scene',
-           'Simulated', 'Spiral', 'compile', 'design', 'gaps', 'inspect_bag', 'plot', 'read_bag', 'repair_bag', 'scene',
-           'scene_from', 'scene_values', 'write_bag']
+           'FieldError', 'InputError', 'MissingError', 'ModelEnd', 'Motion', 'NoContact', 'Room', 'Run', 'STurn',
+           'Scene', 'Simulated', 'Spiral', 'VenueFit', 'compile', 'design', 'gaps', 'inspect_bag', 'plot', 'read_bag',
+           'repair_bag', 'scene', 'scene_from', 'scene_values', 'write_bag']
 _FROM = {
     'api.bag': 'Bag inspect_bag read_bag repair_bag',
-    'api.design': 'design',
+    'api.design': 'Room design',
     'api.plot': 'plot',
     'api.simulated': 'Clearance Motion Simulated compile gaps scene scene_from scene_values write_bag',
     'bags.check.compare': 'Comparison',
@@ -45,6 +46,7 @@ _FROM = {
     'core.errors': 'DiskError DragonError FieldError InputError MissingError ModelEnd',
     'core.scene': 'Run Scene',
     'core.search.certificate': 'Contact NoContact',
+    'core.search.venue_fit': 'VenueFit',
     'core.tracks.spec': 'STurn Spiral',
     'version': '__version__',
 }

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from shapely import polygons
 
 import dragon_ros as dr
 from dragon_ros.__main__ import main
@@ -285,3 +286,22 @@ def test_a_turn_is_walked_from_its_entry():
     points, headings = dr.design.turn_poses(scene.track, [-100.0, 0.0, 13.0, 100.0])
     np.testing.assert_allclose(points, dr.compile(scene).handles_m([0.0, 100.0, 113.0, 200.0])[:, 0], atol=1e-11)
     np.testing.assert_allclose(np.hypot(*headings.T), 1.0, atol=1e-14)
+
+
+def test_benches_and_places_along_the_track_are_those_of_the_handles():
+    run = dr.compile(dr.scene('street', dragon={'benches': 12}, run={'stop_s': 60}, effects=['benches']))
+    times = [0.0, 30.0, 60.0]
+    at_m, handles_m = run.along_m(times), run.handles_m(times)
+    points, headings = run.track_poses(at_m)
+    np.testing.assert_allclose(points, handles_m, atol=1e-9)
+    np.testing.assert_allclose(np.hypot(headings[..., 0], headings[..., 1]), 1, atol=1e-12)
+    np.testing.assert_allclose(at_m[:, 0], run.scene.track.start_m + np.array(times), atol=1e-9)
+    np.testing.assert_allclose(run.benches_m(times)[0], run.frame(0).benches.corners, atol=1e-12)
+
+
+def test_the_swept_area_holds_all_benches_and_the_room_is_its_width():
+    run = dr.compile(dr.scene('street', dragon={'benches': 12}, run={'stop_s': 60}))
+    room = dr.design.room(run)
+    benches = polygons(run.benches_m(np.linspace(0, 60, 40)).reshape(-1, 4, 2))
+    assert all(room.area.whole.buffer(1e-3).contains(benches))
+    assert room.area.whole.area == pytest.approx(np.sum(room.left_m + room.right_m), rel=0.03)

@@ -28,9 +28,10 @@ GUESTS = {'dragon_contest': {'numpy', 'openpyxl', 'python_calamine', 'PIL'},
 ROOMS = {**{room: BELOW_NODES[:rank] for rank, room in enumerate(BELOW_NODES)},
          'pictures': BELOW_NODES, 'api': (*BELOW_NODES, 'pictures'), 'commands': (*BELOW_NODES, 'pictures', 'api'),
          'nodes': BELOW_NODES, 'cost': BELOW_NODES, 'verify': ()}
-# These commands are written on the public API and the parts of command lines, two of them with pictures.
+# These commands are written on the public API and the parts of command lines, some of them with other rooms.
+OF_PLAN = dict.fromkeys(('plan', 'plan_contents', 'plan_pages', 'plan_together'), ('commands', 'pictures', 'scenes'))
 THIN = {'contact': (), 'demo': ('pictures',), 'design': (), 'export': (), 'inspect': (), 'plot': ('pictures',),
-        'simulate': (), 'table': ()}
+        'simulate': (), 'table': (), **OF_PLAN}
 STARTS = {'commands': {'verify', 'nodes.read_path'}, 'scenes': {'verify'}}     # these modules are started as processes
 # The rooms and single modules of the core, and the parts of the core that each may import besides itself.
 VALUES = ('errors', 'checks', 'domain', 'flags', 'words')

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from dragon_ros.core.search.bounding_box import BoundingBox
     from dragon_ros.core.search.max_speed import MaxSpeed
     from dragon_ros.core.search.min_pitch import MinPitch
+    from dragon_ros.core.search.swept_area import SweptArea
     from dragon_ros.core.search.venue_fit import VenueFit
     from dragon_ros.core.tracks.s_turn import TurnAnswer
 
@@ -24,13 +25,15 @@ if TYPE_CHECKING:
 class Room(NamedTuple):
     """How far benches reach to the left and right of the track (m) at distances along it (m), all of shape (n,).
 
-    The values are computed from benches ``sampled_m`` apart; they are not proved.
+    ``area`` holds the areas that the benches sweep, as shapely polygons: ``head``, ``body``, and both as ``whole``. All
+    values are computed from benches ``sampled_m`` apart; they are not proved.
     """
 
     at_m: Floats
     left_m: Floats
     right_m: Floats
     sampled_m: float
+    area: 'SweptArea'
 
 
 class Design:
@@ -81,12 +84,12 @@ class Design:
 
     @staticmethod
     def room(scene: Scene | Simulated) -> Room:
-        """Return the width that a run requires at every metre of its track."""
+        """Return the width that a run requires at every metre of its track, and the areas that its benches sweep."""
         from dragon_ros.core.search.swept_area import room_every_metre, swept_area
         given = given_scene('scene', scene)
         swept = swept_area(given)
         at_m, room_m = room_every_metre(given, swept)
-        return Room(at_m, room_m[:, 0], room_m[:, 1], swept.step_m)
+        return Room(at_m, room_m[:, 0], room_m[:, 1], swept.step_m, swept)
 
     @staticmethod
     def max_speed(scene: Scene | Simulated, *, progress: Progress = quiet) -> 'MaxSpeed':

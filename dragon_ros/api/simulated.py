@@ -206,6 +206,18 @@ class Simulated:
         """Return the handles (m, shape (times, N+1, 2)) at many times, without computing velocities."""
         return states(self.scene, _times(times_s)).p
 
+    def along_m(self, times_s: Sequence[float] | Floats) -> Floats:
+        """Return the distances (m, shape (times, N+1)) of all handles along the track at many times."""
+        chain = states(self.scene, _times(times_s))
+        return self.simulation.model.track.distances(chain.segment, chain.u)
+
+    def benches_m(self, times_s: Sequence[float] | Floats) -> Floats:
+        """Return the corners (m, shape (times, N, 4, 2)) of all benches at many times, in order around each bench."""
+        times = _times(times_s)
+        chain = states(self.scene, times)
+        out: Floats = benches_of(chain, self.scene.dragon, axes_of(chain)).corners
+        return out.reshape(len(times), -1, 4, 2)
+
     def batches(self, times_s: Sequence[float] | Floats, size: int | None = None) -> Iterator[Motion]:
         """Yield all handles at many times, in batches of ``size`` times (by default, as many as fit into a cache).
 
@@ -275,6 +287,11 @@ class Simulated:
     def track_m(self, sag_m: float = 1e-4) -> Floats:
         """Return points (P, 2) along the part of the track that handles cover during the run, accurate to ``sag_m``."""
         return self.simulation.track_line(number('sag_m', sag_m, low=1e-9, high=1e9))
+
+    def track_poses(self, along_m: Sequence[float] | Floats) -> tuple[Floats, Floats]:
+        """Return points (m, shape (..., 2)) and unit headings on the track at distances (m, shape (...)) along it."""
+        track = self.simulation.model.track
+        return track.poses(*track.places_at(np.asarray(along_m, dtype=np.float64)))
 
     def plot(self, t_s: float | None = None, ax: 'Axes | None' = None) -> 'Axes':
         """Draw the dragon at a time (by default, the end of the run) on Matplotlib axes, and return the axes."""

@@ -6,6 +6,9 @@ from pathlib import Path
 from dragon_ros.cli import command_line
 from dragon_ros.cli.language import add_lang_option
 
+_EXAMPLE = """draw the way of the head in Google Earth, or record it with a phone, and save it as way.gpx or way.kml
+save the town around it from openstreetmap.org (Export) as town.osm
+{program} plan way.gpx --obstacles town.osm --benches 60 --bench-length 2.1"""
 
 def route(argv: list[str]) -> int:
     """Make a scene from a drawing; return the exit code."""
@@ -78,8 +81,7 @@ def plan(argv: list[str]) -> int:
     options.add_argument('--title', metavar='TEXT', help='title of the plan (the name of the scene)')
     arguments = options.parse_args(argv)
     if not argv:
-        from dragon_ros.commands.plan_drawing import EXAMPLE
-        print(EXAMPLE.format(program=command_line.program()))
+        print(_EXAMPLE.format(program=command_line.program()))
         return command_line.OK
     files: list[Path] = arguments.drawings
     arguments.drawing = files[0] if files else None
@@ -97,5 +99,5 @@ def plan(argv: list[str]) -> int:
         from dragon_ros.commands.plan import run
     else:
         arguments.scene = arguments.scene or 'winding'
-        from dragon_ros.commands.plan_drawing import run
+        from dragon_ros.commands.plan import run_drawing as run
     return command_line.guarded('plan', partial(run, arguments))

@@ -4,36 +4,20 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+import dragon_ros as dr
 from dragon_ros.cli import command_line, figures
+from dragon_ros.cli.inputs import Floats, Ints
 from dragon_ros.cli.language import language_of
 from dragon_ros.cli.progress import Progress
 from dragon_ros.commands.plan_contents import Plan
-from dragon_ros.commands.plan_pages import (
-    Labels,
-    below,
-    draw_bar,
-    draw_venue,
-    extent,
-    fill,
-    frame,
-    overview,
-    page,
-    write_pages,
-)
-from dragon_ros.core.batches import states
-from dragon_ros.core.errors import InputError
-from dragon_ros.core.geometry.rectangles import axes_of, benches_of
-from dragon_ros.core.model import compile_scene
-from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.commands.plan_pages import Labels, around, extent, frame, overview, page, write_pages
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-    from dragon_ros.core.scene import Scene
 
 _EVERY_S = 0.1
 _AT_ONCE = 64           # number of states that are computed together
@@ -58,16 +42,16 @@ def run(arguments: Namespace) -> int:
     path: Path = arguments.output
     files: Sequence[Path] = arguments.drawings
     if path.suffix.lower() != '.pdf':
-        raise InputError(f'--output {path}: the plan of several dragons is a .pdf; rename it')
+        raise dr.InputError(f'--output {path}: the plan of several dragons is a .pdf; rename it')
     if len(files) > _MOST:
-        raise InputError(f'plan: {len(files)} scenes are too many; the limit is {_MOST}')
+        raise dr.InputError(f'plan: {len(files)} scenes are too many; the limit is {_MOST}')
     for file in files:
         command_line.check_keeps('--output', path, file)
     lang = language_of(arguments.lang)
     plans = [Plan(command_line.scene_from(Namespace(**{**vars(arguments), 'scene': str(file)})),
                   figures.drawable(file.stem), lang) for file in files]
     _check_origins(files, plans)
-    found = gaps_between([plan.scene for plan in plans])
+    found = gaps_between([plan.run for plan in plans])
     title = figures.drawable(arguments.title or path.stem)
     write_pages(plans, path, lambda: [_drawing(plans, found, title, arguments.paper or 'A4'),
                                       _chart(plans, title, arguments.paper or 'A4')])
@@ -78,49 +62,46 @@ def run(arguments: Namespace) -> int:
 
 def _check_origins(files: Sequence[Path], plans: Sequence[Plan]) -> None:
     for (file, plan), (other, after) in pairwise(zip(files, plans, strict=True)):
-        if plan.origin != after.origin:
-            raise InputError(f'{other}: its origin is {after.origin or "not stated"}, and that of {file} is '
-                             f'{plan.origin or "not stated"}; give all scenes one origin', field='origin')
+        if plan.scene.origin != after.scene.origin:
+            raise dr.InputError(f'{other}: its origin is {after.scene.origin or "not stated"}, and that of {file} is '
+                             f'{plan.scene.origin or "not stated"}; give all scenes one origin', field='origin')
 
 
 # Gaps
 
-def gaps_between(scenes: Sequence['Scene']) -> list[Between]:
+def gaps_between(runs: Sequence[dr.Simulated]) -> list[Between]:
     """Return the smallest gap of each pair of dragons, sampled every 0.1 s on one clock, the smallest gap first.
 
     A dragon is there from the start to the end of its run.
     """
-    ticks = [_ticks(scene) for scene in scenes]
-    boxes = [_boxes(scene, some) for scene, some in zip(scenes, ticks, strict=True)]
-    pairs = [*combinations(range(len(scenes)), 2)]
-    out = [_between(scenes, (one, other), ticks, boxes) for one, other in Progress('plan', 'pairs', len(pairs))(pairs)]
+    ticks = [_ticks(run) for run in runs]
+    boxes = [_boxes(run, some) for run, some in zip(runs, ticks, strict=True)]
+    pairs = [*combinations(range(len(runs)), 2)]
+    out = [_between(runs, (one, other), ticks, boxes) for one, other in Progress('plan', 'pairs', len(pairs))(pairs)]
     return sorted(out, key=lambda one: (one.gap_m, one.t_s))
 
 
-def _ticks(scene: 'Scene') -> Ints:
+def _ticks(run: dr.Simulated) -> Ints:
     """Return the tenths of a second at which a dragon is there."""
-    end_s = compile_scene(scene).end.t_s
-    return np.arange(np.ceil(scene.run.start_s / _EVERY_S - 1e-9), np.floor(end_s / _EVERY_S + 1e-9) + 1).astype(int)
+    first_s, last_s = run.span_s
+    return np.arange(np.ceil(first_s / _EVERY_S - 1e-9), np.floor(last_s / _EVERY_S + 1e-9) + 1).astype(int)
 
 
-def _corners(scene: 'Scene', ticks: Ints) -> Floats:
+def _corners(run: dr.Simulated, ticks: Ints) -> Floats:
     """Return the corners (ticks, benches, 4, 2) of benches."""
-    end_s = compile_scene(scene).end.t_s
-    chain = states(scene, np.clip(ticks * _EVERY_S, scene.run.start_s, end_s).tolist())
-    out: Floats = benches_of(chain, scene.dragon, axes_of(chain)).corners
-    return out.reshape(len(ticks), -1, 4, 2)
+    return run.benches_m(np.clip(ticks * _EVERY_S, *run.span_s))
 
 
-def _boxes(scene: 'Scene', ticks: Ints) -> Floats:
+def _boxes(run: dr.Simulated, ticks: Ints) -> Floats:
     """Return the bounding boxes (ticks, 4) of a dragon."""
     out = [np.zeros((0, 4))]
     for first in range(0, len(ticks), _AT_ONCE):
-        corners = _corners(scene, ticks[first:first + _AT_ONCE])
+        corners = _corners(run, ticks[first:first + _AT_ONCE])
         out.append(np.concatenate((corners.min(axis=(1, 2)), corners.max(axis=(1, 2))), axis=1))
     return np.concatenate(out)
 
 
-def _between(scenes: Sequence['Scene'], pair: tuple[int, int], ticks: Sequence[Ints],
+def _between(runs: Sequence[dr.Simulated], pair: tuple[int, int], ticks: Sequence[Ints],
              boxes: Sequence[Floats]) -> Between:
     """Return the smallest gap of a pair; only times at which the bounding boxes are close enough are looked at."""
     one, other = pair
@@ -137,7 +118,7 @@ def _between(scenes: Sequence['Scene'], pair: tuple[int, int], ticks: Sequence[I
         some = some[least_m[some] < best.gap_m]
         if not len(some):
             break
-        for tick, here, there in zip(common[some], *(_corners(scenes[k], common[some]) for k in pair), strict=True):
+        for tick, here, there in zip(common[some], *(_corners(runs[k], common[some]) for k in pair), strict=True):
             gap_m, ends_m = _nearest(here, there)
             if gap_m < best.gap_m:
                 best = Between(one, other, gap_m, float(tick) * _EVERY_S, ends_m)
@@ -170,37 +151,31 @@ def _smallest(plans: Sequence[Plan], found: Sequence[Between]) -> str:
 
 def _drawing(plans: Sequence[Plan], found: Sequence[Between], title: str, paper: str) -> 'Figure':
     """Return the page with the swept areas."""
+    from dragon_ros.pictures.dragon import draw_venue, fill
     lows, highs = zip(*map(extent, plans), strict=True)
     sheet = overview(paper, np.min(lows, axis=0), np.max(highs, axis=0))
-    figure = page(plans[0], paper, (1, 2), plans[0].say('together', title=title, scale=sheet.scale))
+    figure = page(plans[0], paper, (1, 2), plans[0].say('together', title=title, scale=sheet.scale), '\n'.join(
+        [_smallest(plans, found), *(_said(plans, one) for one in found[1:_PAIRS_BELOW]), plans[0].say('alone')]))
     axes = frame(figure, sheet)
-    drawn = list[Any]()
-    for plan in plans:
-        if plan.scene.venue is not None and plan.scene.venue not in drawn:
-            drawn.append(plan.scene.venue)
-            draw_venue(axes, plan, sheet.window)
+    for n, venue in enumerate(venues := [plan.scene.venue for plan in plans]):
+        if venue is not None and venue not in venues[:n]:
+            draw_venue(axes, venue)
     for plan, colour in zip(plans, _colours(), strict=False):
-        fill(axes, plan.swept.whole, facecolor=colour, edgecolor=colour, alpha=0.5, linewidth=0.5, label=plan.title,
+        fill(axes, plan.room.area.whole, plan.title, facecolor=colour, edgecolor=colour, alpha=0.5, linewidth=0.5,
              zorder=2)
-    labels = Labels(axes)
-    for plan, colour in zip(plans, _colours(), strict=False):
-        (end,), _ = plan.poses(plan.swept.at_m[-1:])
-        axes.plot(*end, marker='o', color=colour, markersize=5, zorder=4)
-        offset = labels.placed(end, plan.title, [(12, 12), (-12, 12), (12, -12), (-12, -12), (0, 24), (0, -24)])
-        axes.annotate(plan.title, (end[0], end[1]), xytext=offset or (12, 12), textcoords='offset points', fontsize=9,
-                      ha='center', va='center', zorder=6)
-    if (ends := found[0].ends_m) is not None:
-        x, y = ends.mean(axis=0).tolist()
-        axes.plot(*ends.T, color='black', linewidth=1.2, marker='|', zorder=6)
-        text = _said(plans, found[0])
-        axes.annotate(text, (x, y), xytext=labels.placed(ends.mean(axis=0), text, [
-            (0, 30), (0, -30), (0, 60), (0, -60), (90, 45), (-90, 45)]) or (0, 30), textcoords='offset points',
-            fontsize=9, ha='center', va='center', zorder=8, arrowprops={'arrowstyle': '-', 'linewidth': 0.5},
-            bbox={'boxstyle': 'round,pad=0.2', 'facecolor': 'white', 'linewidth': 0.5})
     axes.legend(loc='best', fontsize=9, frameon=True)
-    draw_bar(figure, sheet)
-    below(figure, paper, '\n'.join([_smallest(plans, found), *(
-        _said(plans, one) for one in found[1:_PAIRS_BELOW]), plans[0].say('alone')]))
+    labels = Labels(axes, plans[0], sheet)
+    for plan, colour in zip(plans, _colours(), strict=False):
+        (end,), _ = plan.run.track_poses(plan.room.area.at_m[-1:])
+        axes.plot(*end, marker='o', color=colour, markersize=5, zorder=4)
+        offset = labels.placed(end, plan.title, around(plan.title))
+        labels.write(end, plan.title, offset or (12, 12), zorder=6)
+    if (ends := found[0].ends_m) is not None:
+        middle, text = ends.mean(axis=0), _said(plans, found[0])
+        axes.plot(*ends.T, color='black', linewidth=1.2, marker='|', zorder=6)
+        labels.write(middle, text, labels.placed(middle, text, around(text)) or (0, 30), zorder=8,
+                     arrowprops={'arrowstyle': '-', 'linewidth': 0.5},
+                     bbox={'boxstyle': 'round,pad=0.2', 'facecolor': 'white', 'linewidth': 0.5})
     return figure
 
 
@@ -211,16 +186,14 @@ def _colours() -> Iterator[str]:
 
 def _chart(plans: Sequence[Plan], title: str, paper: str) -> 'Figure':
     """Return the page with the part of its way that each dragon takes at each time."""
-    figure = page(plans[0], paper, (2, 2), plans[0].say('when', title=title))
+    figure = page(plans[0], paper, (2, 2), plans[0].say('when', title=title), '')
     boxes = figure.subplots(len(plans), 1, sharex=True, squeeze=False, gridspec_kw={
         'left': 0.14, 'right': 0.96, 'top': 0.96, 'bottom': 0.28, 'hspace': 0.15})[:, 0]
     for axes, plan, colour in zip(boxes, plans, _colours(), strict=False):
-        simulation = compile_scene(plan.scene)
-        times = np.linspace(plan.scene.run.start_s, simulation.end.t_s, _CHARTED)
-        chain = states(plan.scene, times.tolist())
-        at_m = simulation.model.track.distances(chain.segment, chain.u)
-        axes.fill_between(times, at_m[:, -1], at_m[:, 0], color=colour, alpha=0.5)
-        axes.plot(times, at_m[:, 0], color=colour)
+        times_s = np.linspace(*plan.run.span_s, _CHARTED)
+        at_m = plan.run.along_m(times_s)
+        axes.fill_between(times_s, at_m[:, -1], at_m[:, 0], color=colour, alpha=0.5)
+        axes.plot(times_s, at_m[:, 0], color=colour)
         axes.set_ylabel(plan.say('way_m', name=figures.short(plan.title)), rotation=0, ha='right', fontsize=8)
     boxes[-1].set_xlabel(plans[0].say('time_s'))
     return figure

@@ -192,30 +192,33 @@ def draw(axes: Axes, seen: Floats, track: Floats | None, one: Moment, touching: 
     """Draw venue, track, benches and handles to scale in a window (m, shape (2, 2)), and return the dragon."""
     _frame(axes, seen)
     if venue is not None:
-        _draw_venue(axes, venue)
+        draw_venue(axes, venue)
     if track is not None:
         _draw_track(axes, track)
     return Drawn(axes, one, touching)
 
 
-def _draw_venue(axes: Axes, venue: Venue) -> None:
-    """Draw the visible obstacles and the area outside the boundary."""
+def draw_venue(axes: Axes, venue: Venue, label: str | None = None, hatch: str | None = None) -> None:
+    """Draw the obstacles and the area outside the boundary; ``label`` names the obstacles in a legend."""
     for one in venue.obstacles:
         if isinstance(one, PolygonObstacle):
-            outline = Path.make_compound_path(*(Path([*ring, ring[0]], closed=True) for ring in one.rings_m))
-            axes.add_patch(PathPatch(outline, facecolor=OBSTACLE, edgecolor=QUIET, linewidth=0.6, zorder=0.8))
+            fill(axes, shapely.Polygon(one.points_m, one.holes_m), facecolor=OBSTACLE, edgecolor=QUIET, linewidth=0.6,
+                 zorder=0.8, label=label, hatch=hatch)
         else:
-            axes.plot(*np.array(one.points_m).T, color=QUIET, linewidth=1.4, zorder=0.8)
+            axes.plot(*np.array(one.points_m).T, color=QUIET, linewidth=1.4, zorder=0.8, label=label)
+        label = None
     if venue.inside is not None:
-        (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-        x, y = np.array(venue.inside).T.tolist()
-        left, right, bottom, top = min(left, *x) - 1, max(right, *x) + 1, min(bottom, *y) - 1, max(top, *y) + 1
-        sheet = [(left, bottom), (right, bottom), (right, top), (left, top), (left, bottom)]
-        ring = np.array([*venue.inside, venue.inside[0]])
-        # A ring of opposite orientation cuts a hole (nonzero winding rule).
-        clockwise = ring if np.sum(ring[:-1, 0] * ring[1:, 1] - ring[1:, 0] * ring[:-1, 1]) < 0 else ring[::-1]
-        outside = Path.make_compound_path(Path(sheet, closed=True), Path(clockwise, closed=True))
-        axes.add_patch(PathPatch(outside, facecolor=OBSTACLE, edgecolor=QUIET, linewidth=0.6, zorder=0.7))
+        inside, (left, right), (bottom, top) = shapely.Polygon(venue.inside), axes.get_xlim(), axes.get_ylim()
+        around = shapely.box(*shapely.union(inside, shapely.box(left, bottom, right, top)).buffer(1.0).bounds)
+        fill(axes, around.difference(inside), facecolor=OBSTACLE, edgecolor=QUIET, linewidth=0.6, zorder=0.7)
+
+
+def fill(axes: Axes, area: Any, label: str | None = None, **options: Any) -> None:
+    """Fill polygons except for their holes."""
+    for part in getattr(area, 'geoms', [area]):
+        rings = [Path(np.array(ring.coords), closed=True) for ring in (part.exterior, *part.interiors)]
+        figures.add_lines(axes, PathPatch(Path.make_compound_path(*rings), label=label, **options))
+        label = None
 
 
 def _draw_track(axes: Axes, track: Floats) -> None:

@@ -10,7 +10,7 @@ from matplotlib import font_manager
 
 from dragon_ros.__main__ import main
 from dragon_ros.cli.language import language_of, say
-from dragon_ros.commands import plan, plan_contents, plan_drawing, plan_pages, plan_together, plan_words, view
+from dragon_ros.commands import plan, plan_contents, plan_pages, plan_together, plan_words, view
 from dragon_ros.commands.view import variants
 from dragon_ros.commands.view.data import ViewData
 from dragon_ros.commands.view.server import ViewServer
@@ -19,7 +19,7 @@ from dragon_ros.scenes.load import load_scene
 
 WEB = Path(view.__file__).with_name('web')
 TABLES = {'plan': (plan_words.WORDS, ''.join(Path(one.__file__).read_text() for one in (
-    plan, plan_contents, plan_pages, plan_drawing, plan_together)))}
+    plan, plan_contents, plan_pages, plan_together)))}
 PAGE = dict(re.findall(r'(\w+): \[((?:"[^"]*"|\'[^\']*\'), (?:"[^"]*"|\'[^\']*\'))\]', (WEB / 'words.js').read_text()))
 
 

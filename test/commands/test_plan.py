@@ -10,6 +10,7 @@ from matplotlib.text import Text
 from shapely import LineString, Polygon, box, distance, polygons, prepare, unary_union
 from shapely.geometry import shape
 
+import dragon_ros as dr
 from dragon_ros.__main__ import main
 from dragon_ros.commands.plan_contents import Plan, chalk_marks, geojson
 from dragon_ros.commands.plan_pages import Sheet, drawing, pages, said, sheets
@@ -49,7 +50,7 @@ def run(capsys, *arguments):
 
 
 def test_every_bench_at_every_time_lies_in_the_swept_area(plan, benches):
-    grown, shrunk = (plan.swept.whole.buffer(by_m) for by_m in (1e-3, -1e-3))
+    grown, shrunk = (plan.room.area.whole.buffer(by_m) for by_m in (1e-3, -1e-3))
     prepare([grown, shrunk])
     assert np.all(grown.contains(benches))
     assert not np.all(shrunk.contains(benches))
@@ -112,15 +113,15 @@ def test_dollars_in_a_title_or_a_name_are_no_formula(capsys, tmp_path):
 
 def test_the_room_on_a_line_is_the_width_and_grows_in_bends_as_the_chord_cuts_the_corner(scene, plan):
     track = compile_scene(scene).model.track
-    room = room_needed_m(track, plan.swept, np.array([20.0, 44.7]))
+    room = room_needed_m(track, plan.room.area, np.array([20.0, 44.7]))
     np.testing.assert_allclose(room[0], 0.15, atol=1e-9)
     inner = 6 - np.sqrt(36 - (0.5 * 2.86) ** 2) + 0.15      # the middle of the head's link on a circle
     assert room[1].max() == pytest.approx(inner, abs=2e-3)
 
 
 def test_head_and_tail_pass_marks_when_they_have_gone_there(scene, plan):
-    head, tail = plan.passes_s
-    for mark, t_s in zip(plan.marks_m, head, strict=True):
+    head, tail = plan.passes_s(plan.marks_m())
+    for mark, t_s in zip(plan.marks_m(), head, strict=True):
         if not np.isnan(t_s):
             assert t_s == pytest.approx(mark - scene.track.start_m, abs=1e-6)
     assert np.nansum(tail > head) == np.sum(~np.isnan(tail) & ~np.isnan(head)) > 0
@@ -155,7 +156,7 @@ def test_a_geojson_of_a_scene_with_an_origin_is_in_degrees(capsys, tmp_path):
     square_m, _ = pyproj.Geod(ellps='WGS84').geometry_area_perimeter(head)
     plan = Plan(load_scene('street', ['dragon.benches=12', 'run.stop_s=5']), 'x')
     # The area is positive because the outer ring is anticlockwise.
-    assert square_m == pytest.approx(plan.swept.head.area, rel=1e-5)
+    assert square_m == pytest.approx(plan.room.area.head.area, rel=1e-5)
     for n in (0, -1):
         x, y = plan.line[n]
         lon, lat, _ = pyproj.Geod(ellps='WGS84').fwd(*origin, np.degrees(np.arctan2(x, y)), np.hypot(x, y))
@@ -173,7 +174,7 @@ def test_a_broken_margin_issaid(capsys, tmp_path):
 def test_the_whole_way_comes_first_and_then_sheets_of_the_places_that_are_tight(paper):
     plan = Plan(load_scene('street'), 'x')
     overview, *others = sheets(plan, paper, None)
-    whole = plan.swept.whole.union(LineString(plan.line))
+    whole = plan.room.area.whole.union(LineString(plan.line))
     assert box(*overview.window.ravel()).contains(whole)
     assert [one.number for one in others] == [*range(2, 2 + len(others))]
     assert all(one.scale == 200 < overview.scale for one in others)
@@ -308,7 +309,7 @@ def two_walks(tmp_path):
 
 def test_the_smallest_gap_of_two_dragons_is_that_of_all_benches_at_every_tenth_of_a_second(capsys, tmp_path, two_walks):
     scenes = [load_scene(str(one)) for one in two_walks]
-    (found,) = gaps_between(scenes)
+    (found,) = gaps_between([*map(dr.compile, scenes)])
     sets = []
     for scene in scenes:
         chain = states(scene, np.arange(301) / 10)
@@ -341,3 +342,16 @@ def test_dragons_of_different_origins_or_too_many_files_are_refused(capsys, tmp_
     assert run(capsys, two_walks[0], tmp_path / 'way.gpx')[0] == 2
     code, _, err = run(capsys, *two_walks, '--output', two_walks[0])
     assert (code, 'the plan of several dragons is a .pdf' in err) == (2, True)
+
+
+def test_an_overview_of_a_long_way_has_dots_that_can_be_told_apart_and_a_sheet_of_the_tightest_place():
+    scene = load_scene('street', ['dragon.benches=4', 'venue.obstacles=[{kind: line, name: wall, points_m: [[0, 9], '
+                                  '[9, 9]]}]', 'track={kind: joined, start_m: 20, pieces: [{kind: line, length_m: 900},'
+                                  '{kind: arc, radius_m: 8, angle_deg: 90}, {kind: line, length_m: 100}]}'])
+    plan = Plan(scene, 'x')
+    overview, sheet = sheets(plan, 'A4', None)
+    assert sheet.shows(plan.gaps[0].ends_m.mean(axis=0))
+    axes = drawing(plan, overview, others=[sheet]).axes[0]
+    dots = np.sort([one.get_xdata()[0] for one in axes.lines if one.get_marker() == 'o'])
+    assert len(dots) > 9
+    assert np.diff(dots[dots < 900]).min() * 1000 / overview.scale > 5
