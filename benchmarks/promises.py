@@ -1,13 +1,15 @@
 """``cost promises``: errors relative to promises on random chains, by solver, method and quantity.
 
-Each scene is determined by its number alone. It has 2 to 60 links, either in groups or all equal except for the head,
-on a spiral, an S-turn or a composite track. The dragon is led by the head or the tail, by the table or the
-march. Chains are computed at the start, at two random times, and at two times close to the end of the model, which is
-often a lock. Each chain is compared with the march, which ``cost accuracy`` compares with a 50-digit reference.
+Each scene is determined by its number alone and is drawn from the whole world (``core.domain``): links, pitches and
+radii of any size, 1 to 60 links, in groups or all equal except for the head, on a spiral, an S-turn or a composite
+track, led by the head or the tail at any speed, by the table or the march. Chains are computed at the start, at two
+random times, and at two times close to the end of the model, which is often a lock, and compared with 40 digits.
 """
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, fields, replace
 from itertools import count
+from math import exp, log, pi
 from random import Random
 
 import numpy as np
@@ -17,24 +19,28 @@ from tqdm import tqdm
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.figures import PAGE_IN, TEXT_PT, legend_below
 from dragon_ros.core.batches import states, velocity_of
-from dragon_ros.core.chain.chain import conditioning
+from dragon_ros.core.chain.chain import conditioning, lag
+from dragon_ros.core.chain.commanded import HeadLaw
 from dragon_ros.core.chain.dragon import AnyDragon, Dragon, Group, Mixed
-from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.domain import LINK, PITCH, RADIUS, SPEED, TRACK
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats, Ints
-from dragon_ros.core.promise import speed_promise_m_s
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn, TrackSpec
 from dragon_ros.cost.measure import circumstances
+from dragon_ros.cost.reference import NoReference, reference
 
 PROMISING = ('table', 'march')
 WAYS = ('state', 'states', 'tick')
 WHAT = ('positions', 'speeds')
-_LONGEST_M = 6.0            # maximum length of a link
-_LATEST_S = 100.0
+_MOST_LINKS = 60
+_FARTHEST_M = 9e3           # largest radius of a drawn spiral
+_LONGEST_M = 3e3            # largest length of a line or an arc
+_LATEST_S = 1e4
 _HEAD = ('solver', 'through', 'of', 'chains', 'median', 'p99', 'p999', 'largest', 'above_1', 'worst_scene')
 _COLOURS = {'table': '#0072B2', 'march': '#009E73'}
 
@@ -43,69 +49,93 @@ def shares(scene: Scene, times_s: Sequence[float]) -> Floats:
     """Return the errors of positions and speeds, divided by the promises of the scene's solver.
 
     The result has the shape (times, 3, 2), where 3 stands for ``state``, ``states`` and ``tick``. Times must be whole
-    nanoseconds, as ticks require.
+    nanoseconds, as ticks require. Raises NoReference if a link cannot be placed with 40 digits.
     """
-    known, scene = replace(scene, solver='march'), replace(scene, effects=Effect.VELOCITY)
+    scene = replace(scene, effects=Effect.VELOCITY)
     many = states(scene, times_s)
     v_many = velocity_of(scene, many, times_s)
-    return np.array([_shares_at(known, scene, t_s, (many.p[n], v_many[n])) for n, t_s in enumerate(times_s)])
+    return np.array([_shares_at(scene, t_s, (many.p[n], v_many[n])) for n, t_s in enumerate(times_s)])
 
 
-def _shares_at(known: Scene, scene: Scene, t_s: float, of_states: tuple[Floats, Floats]) -> list[tuple[float, float]]:
+def _shares_at(scene: Scene, t_s: float, of_states: tuple[Floats, Floats]) -> list[tuple[float, float]]:
     """Return rows for ``state``, ``states`` and ``tick`` at one time."""
-    reference = state(known, t_s)
-    v = velocity_of(known, reference, t_s)
-    simulation, condition, speed = compile_scene(scene), conditioning(reference), scene.head.speed_at_m_s(t_s)
+    true, one, frame = reference(scene, t_s), state(scene, t_s), tick(replace(scene, run=Run(t_s, t_s)), 0)
+    simulation, condition, speed = compile_scene(scene), conditioning(one), scene.head.speed_at_m_s(t_s)
     promise_m = simulation.promise_m * condition
-    promise_m_s = speed_promise_m_s(simulation.promise_m, simulation.model.length_m / scene.dragon.benches, condition,
-                                    speed)
-    one, frame = state(scene, t_s), tick(replace(scene, run=Run(t_s, t_s)), 0)
+    promise_m_s = simulation.speed_promise(condition, lag(one)) * abs(speed)
     assert frame.velocity_m_s is not None
     placed = (one.p, velocity_of(scene, one, t_s)), of_states, (frame.chain.p, frame.velocity_m_s)
-    return [(float(np.max(np.hypot(*(p - reference.p).T))) / promise_m,
-             float(np.max(np.hypot(*(w - v).T))) / promise_m_s) for p, w in placed]
+    return [(true.error_m(p) / promise_m, true.speed_error_m_s(v) / promise_m_s) for p, v in placed]
 
 
 def random_scene(number: int) -> tuple[Scene, list[float]] | None:
-    """Return scene ``number`` and times (s, whole nanoseconds), or None if the model rejects the scene."""
+    """Return scene ``number`` and times (s, whole nanoseconds), or None if the world or the model rejects the scene."""
     dice = Random(number)
     try:
-        scene = Scene(_dragon(dice), _track(dice), Head(1.0, dice.choice(('head', 'tail'))), Run(0, 1e3),
+        dragon = _dragon(dice)
+        scene = Scene(dragon, _track(dice, float(np.max(dragon.link_lengths_m))), _law(dice), Run(0, _LATEST_S),
                       solver=dice.choice(PROMISING))
         end_s = compile_scene(scene).end.t_s
-        compile_scene(scene)
     except DragonError:
         return None
     parts = [0.0, dice.random(), dice.random(), 1 - 10 ** -dice.uniform(0, 4), 1 - 10 ** -dice.uniform(4, 8)]
-    times = [round(part * min(_LATEST_S, end_s), 9) for part in parts]
+    times = [round(part * end_s, 9) for part in parts]
     return scene, [t_s if t_s <= end_s else 0.0 for t_s in times]
 
 
+def _between(dice: Random, low: float, high: float) -> float:
+    """Return a number whose logarithm is evenly distributed."""
+    return exp(dice.uniform(log(low), log(high)))
+
+
 def _dragon(dice: Random) -> AnyDragon:
+    link_m = _between(dice, LINK.low, LINK.high)
+
+    def near() -> float:
+        return min(max(link_m * _between(dice, 0.3, 3), LINK.low), LINK.high)
     if dice.random() < 0.5:
-        return Dragon(dice.randint(2, 60), dice.uniform(0.05, _LONGEST_M), dice.uniform(0.05, _LONGEST_M), 0.05, 0.0)
-    groups = [Group(dice.uniform(0.05, _LONGEST_M), dice.randint(1, 20)) for _ in range(dice.randint(1, 3))]
-    if sum(group.count for group in groups) < 2:
-        groups.append(Group(dice.uniform(0.05, _LONGEST_M), 1))
-    return Mixed(tuple(groups), 0.05, 0.0)
+        return Dragon(dice.randint(1, _MOST_LINKS), near(), link_m, 0.05, 0.0)
+    return Mixed(tuple(Group(near(), dice.randint(1, 20)) for _ in range(dice.randint(1, 3))), 0.05, 0.0)
 
 
-def _track(dice: Random) -> TrackSpec:
+def _track(dice: Random, link_m: float) -> TrackSpec:
+    """Draw a track for links up to a length."""
     kind = dice.choice(('spiral', 'turn', 'composite'))
     if kind == 'spiral':
-        return Spiral(dice.uniform(0.1, 10), dice.uniform(1, 40))
+        return Spiral(*_spiral(dice, link_m))
     if kind == 'turn':
-        return STurn(dice.uniform(1, 3), dice.uniform(20, 30), dice.uniform(0.5, 2), dice.uniform(-30, 30))
-    return Composite(tuple(_piece(dice) for _ in range(dice.randint(1, 5))))
+        return STurn(_between(dice, PITCH.low, PITCH.high), _between(dice, 4 * link_m, 5e3), dice.uniform(0.5, 2),
+                     dice.choice((1, -1)) * _between(dice, 0.1, 1e3))
+    track = Composite(tuple(_piece(dice, link_m) for _ in range(dice.randint(1, 6))))
+    alone = Scene(Dragon(1, LINK.low, LINK.low, 0.01, 0.0), track, run=Run(0, 0))
+    return replace(track, start_m=dice.uniform(0, compile_scene(alone).model.track.end_m))
 
 
-def _piece(dice: Random) -> Piece:
-    kind = dice.choice(('line', 'arc', 'spiral'))
+def _spiral(dice: Random, link_m: float) -> tuple[float, float]:
+    """Draw the pitch and the outer end, in turns, of a spiral."""
+    pitch_m = _between(dice, PITCH.low, PITCH.high)
+    most = min((TRACK.high / (pi * pitch_m)) ** 0.5, _FARTHEST_M / pitch_m)
+    return pitch_m, _between(dice, min(0.5 * most, 0.6 + link_m / pitch_m), most)
+
+
+def _piece(dice: Random, link_m: float) -> Piece:
+    kind = dice.choice(('line', 'line', 'arc', 'arc', 'spiral'))
     if kind == 'line':
-        return Line(dice.uniform(0.1, 9))
+        return Line(_between(dice, 0.1 * link_m, _LONGEST_M))
     if kind == 'arc':
-        return Arc(dice.uniform(3.1, 9), dice.choice((1, -1)) * dice.uniform(5, 200))
-    return SpiralArc(dice.uniform(2.5, 4), dice.uniform(3, 4), dice.uniform(1.5, 2.9), dice.choice(('left', 'right')))
+        radius_m = _between(dice, max(RADIUS.low, 0.52 * link_m), RADIUS.high if dice.random() < 0.2 else 2e3)
+        return Arc(radius_m, dice.choice((1, -1)) * min(_between(dice, 1, 800), 180 / pi * _LONGEST_M / radius_m))
+    pitch_m, turns = _spiral(dice, link_m)
+    return SpiralArc(pitch_m, turns, turns * dice.uniform(0.7, 1.3), dice.choice(('left', 'right')))
+
+
+def _law(dice: Random) -> HeadLaw:
+    lead, speed_m_s = dice.choice(('head', 'head', 'tail')), dice.choice((1, 1, -1)) * _between(dice, 0.01, SPEED.high)
+    if dice.random() < 0.7:
+        return Head(speed_m_s, lead)
+    times_s = np.cumsum([_between(dice, 0.1, 100) for _ in range(dice.randint(1, 5))]).tolist()
+    return Profile(((0.0, speed_m_s), *((t_s, speed_m_s * dice.uniform(-0.5, 1)) for t_s in times_s)),
+                   dice.choice(('linear', 'smooth')), lead)
 
 
 @dataclass(frozen=True)
@@ -138,9 +168,11 @@ def measure(chains: float = 1000) -> Measured:
 
 
 def _measured(number: int) -> Measured:
-    """Measure the chains of one scene; if the model rejects the scene, there are none."""
-    drawn = random_scene(number)
-    found = shares(*drawn) if drawn else np.empty((0, len(WAYS), len(WHAT)))
+    """Measure the chains of one scene; there are none if it is rejected, or if a handle is at the track's very end."""
+    drawn, found = random_scene(number), np.empty((0, len(WAYS), len(WHAT)))
+    if drawn:
+        with suppress(NoReference):
+            found = shares(*drawn)
     solver = PROMISING.index(drawn[0].solver) if drawn else 0
     return Measured(found, np.full(len(found), solver), np.full(len(found), number))
 
@@ -174,7 +206,7 @@ def summary(found: Measured) -> str:
     above = int(np.sum(found.shares > 1))
     over = {0: 'no error exceeds its promise', 1: '1 error exceeds its promise'}.get(
         above, f'{above} errors exceed their promises')
-    return (f'On {len(found.shares):,} random chains of 2 to 60 links, each computed by `state`, `states` and `tick` '
+    return (f'On {len(found.shares):,} random chains of the world, each computed by `state`, `states` and `tick` '
             f'at one of the solvers, the largest error is {np.max(found.shares):.2g} times its promise, and {over}.')
 
 

@@ -12,6 +12,7 @@ from itertools import count
 from math import floor, inf
 from threading import Lock
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from dragon_ros.core.domain import COORDINATE, TIME, TRACK
 from dragon_ros.core.errors import ChainLockError, FieldError, ModelEnd, TrackEndError
 from dragon_ros.core.flags import switches
 from dragon_ros.core.numerics.types import Floats, read_only
-from dragon_ros.core.promise import check_request, promise_m
+from dragon_ros.core.promise import check_request, promise_m, speed_promise
 from dragon_ros.core.scene import LATEST_S, NS, Scene
 from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
 from dragon_ros.core.shift_map.table import ShiftMap
@@ -207,6 +208,12 @@ class Simulation:
         if self.is_paper:
             return inf
         return promise_m(max(self._longest_m, self.size_m), self.size_m)
+
+    def speed_promise(self, ratio: Any, lag: Any) -> Any:
+        """Return the promised error of speeds, relative to the leader's (``promise.speed_promise``)."""
+        track, mean_m = self.model.track, self.model.length_m / self.scene.dragon.benches
+        lock_m = 4 * track.from_afar.curve.b_m if track.may_lock and track.from_afar else inf
+        return speed_promise(self.promise_m, mean_m, ratio, lock_m, lag)
 
     @cached_property
     def limit(self) -> End | None:

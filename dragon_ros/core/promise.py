@@ -6,6 +6,8 @@ to 16 such errors, and the links add them up without more (Kahan's summation); n
 their distance from the origin, or 2e-12 m. The promise is tested against 50 digits in every case of ``hard_cases``, not
 proved.
 """
+from typing import Any
+
 from dragon_ros.core.errors import FieldError, did_you_mean
 
 LEAST_M, PER_METRE = 2e-12, 1e-13
@@ -20,9 +22,15 @@ def promise_m(along_m: float, size_m: float) -> float:
     return max(LEAST_M, PER_METRE * size_m, 2.0**-49 * along_m)
 
 
-def speed_promise_m_s(promise: float, mean_link_m: float, condition: float, leader_speed_m_s: float) -> float:
-    """Return the promised bound on the error of any handle's speed."""
-    return promise / mean_link_m * condition**3 * abs(leader_speed_m_s)
+def speed_promise(promise: float, mean_link_m: float, ratio: Any, lock_m: float, lag: Any) -> Any:
+    """Return the promised error of the speed of handles, relative to the leader's speed.
+
+    Handles are at most ``ratio`` times as fast as the leader, and their speeds along the track differ from the
+    leader's by at most ``lag`` times its speed. Errors of positions change speeds over the length of a link. At a
+    distance d before the lock of a spiral r = b theta, where the link is almost a diameter, the lag is sqrt(2 b / d),
+    so an error of d changes it by error * lag^3 / (4 b); ``lock_m`` is 4 b, or infinite on other tracks.
+    """
+    return promise * (ratio * ratio * ratio / mean_link_m + lag * lag * lag / lock_m)
 
 
 def check_request(accuracy: str | float, promise: float) -> None:

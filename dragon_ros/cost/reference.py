@@ -22,11 +22,14 @@ from dragon_ros.core.tracks.spec import Arc, Line, Spiral, SpiralArc, STurn
 _DIGITS = 40
 _MOST_STEPS = 1_000_000
 _NEAR = 1e-13           # gap, relative to the chord, from which on Newton's method converges to the first root
-_CANNOT = 'the reference cannot place a link'
 BEHIND, AHEAD = -1, 1
 Number = Any                    # mpmath creates its types at run time
 Place = tuple[int, Number]      # the number of a piece, and the coordinate on it
 State = tuple[Number, Number]   # the point and the velocity of a handle, as complex numbers
+
+
+class NoReference(DragonError):
+    """A link could not be placed, for example because a handle is at the very end of the track."""
 
 
 @dataclass(frozen=True)
@@ -126,7 +129,7 @@ class Track:
             found = _on(piece, here, u if number == k else begin, end, chord, way * piece.way)
             if found is not None:
                 return number, found
-        raise DragonError(_CANNOT)
+        raise NoReference('the reference cannot place a link')
 
 
 def _on(piece: Piece, here: Number, u: Number, end: Number | None, chord: Number, sense: int) -> Number | None:
@@ -138,7 +141,7 @@ def _on(piece: Piece, here: Number, u: Number, end: Number | None, chord: Number
         u += sense * gap / piece.steepest(u, gap)
         if end is not None and sense * (u - end) > 0:
             return None
-    raise DragonError(_CANNOT)
+    raise NoReference('the reference cannot place a link')
 
 
 def _excess(link: Number, slope: Number, chord: Number) -> tuple[Number, Number]:
@@ -154,7 +157,7 @@ def _root(function: Callable[[Number], tuple[Number, Number]], u: Number) -> Num
         u -= step
         if abs(step) <= mpf(10) ** (8 - mp.dps) * (1 + abs(u)):
             return u
-    raise DragonError(_CANNOT)
+    raise NoReference('the reference cannot place a link')
 
 
 def track_of(scene: Scene) -> tuple[Track, Number]:

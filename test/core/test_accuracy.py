@@ -12,12 +12,12 @@ from properties import examples, thinned
 from dragon_ros.core import paper
 from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain import forward
-from dragon_ros.core.chain.chain import conditioning
+from dragon_ros.core.chain.chain import conditioning, lag
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import ChainLockError, FieldError
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.promise import LEAST_M, speed_promise_m_s
+from dragon_ros.core.promise import LEAST_M
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks import spiral
@@ -42,8 +42,7 @@ def worst_errors(problem, solver='march'):
         condition = conditioning(chain)
         off = np.max(known.distance(number, chain.p[handles]))
         position = max(position, off / (simulation.promise_m * condition))
-        allowed = speed_promise_m_s(simulation.promise_m, simulation.model.length_m / scene.dragon.benches, condition,
-                                    scene.head.speed_at_m_s(t_s))
+        allowed = simulation.speed_promise(condition, lag(chain)) * abs(scene.head.speed_at_m_s(t_s))
         v = velocity_of(scene, chain, t_s)[handles]
         v_off = np.max(np.hypot(*(v - known.high[number, :, 2:] - known.low[number, :, 2:]).T))
         speed = max(speed, v_off / allowed if allowed else float(v_off > 0))

@@ -22,11 +22,10 @@ from dragon_ros.bags.read.frames import about_of, law_on, log_times_are_ticks
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.record.loss_accounting import RECEIVED
 from dragon_ros.core.batches import ticks
-from dragon_ros.core.chain.chain import conditioning
+from dragon_ros.core.chain.chain import conditioning, lag
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Array, Ints
-from dragon_ros.core.promise import speed_promise_m_s
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import Frame, contact_frame, led_tick, tick, ticks_before
 from dragon_ros.core.words import counted
@@ -553,7 +552,7 @@ def _allowed_m(frame: Frame, scene: Scene) -> float:
 def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, result: Comparison) -> float:
     """Return the deviation of a message in metres, or inf if anything but numbers differs.
 
-    Quaternions are scaled by the shortest link, and speeds by their promise (``speed_promise_m_s``).
+    Quaternions are scaled by the shortest link, and speeds by their promise (``Simulation.speed_promise``).
     """
     if name not in _VIEWS:
         return _off_of_others_m(name, wanted, found, frame, scene, result) if result.may_all_be_close else inf
@@ -581,8 +580,7 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, r
 def _in_metres(off_m_s: float, frame: Frame, scene: Scene) -> float:
     """Convert a speed error to the position error that is the same fraction of the promise for positions."""
     compiled = compile_scene(scene)
-    one = speed_promise_m_s(compiled.promise_m, compiled.model.length_m / scene.dragon.benches,
-                            conditioning(frame.chain), _speed_m_s(frame, scene))
+    one = compiled.speed_promise(conditioning(frame.chain), lag(frame.chain)) * abs(_speed_m_s(frame, scene))
     return off_m_s / one * compiled.promise_m if one else inf if off_m_s else 0.0
 
 

@@ -160,11 +160,16 @@ def conditioning(chain: Chain) -> float:
     """Return the ratio of the fastest handle's speed to the leader's speed; the ratio is at least 1.
 
     Close to a lock, the ratio grows without bound, and so does the effect of the last bit of the head's position on
-    the handles. The promised error of positions (in metres) is proportional to this ratio, and the promised relative
-    error of speeds to its square (1 / cos^2 beta).
+    the handles. The promised error of positions (in metres) is proportional to this ratio.
     """
     v = chain.velocities(1.0)
     return max(1.0, float(np.max(np.hypot(v[..., 0], v[..., 1]))))
+
+
+def lag(chain: Chain) -> float:
+    """Return the largest difference of a handle's speed along the track from the leader's, relative to the latter."""
+    v = -chain.direction * np.sum(chain.velocities(1.0) * chain.headings, axis=-1)
+    return float(np.max(np.abs(1 - v)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -172,8 +172,7 @@ class _Speeding(InOrder):
         """Return bounds on log speeds in intervals (2, M), and the leader's distances at both ends; record the speeds.
 
         The rows of the result (4, M) are the bounds without rounding, the bounds with rounding, and the leader's
-        distances (m) at the starts and at the stops. The promised relative error of a speed is the position error
-        divided by the mean link, times the square of the ratio of this speed to the leader's speed (docs/model.md).
+        distances (m) at the starts and at the stops.
         """
         times, index = np.unique(intervals, return_inverse=True)
         states = self._states(times)
@@ -184,16 +183,11 @@ class _Speeding(InOrder):
         back = states.travel_m[starts] > states.travel_m[stops]
         tops = bounds(states.rows(np.where(back, stops, starts)), states.rows(np.where(back, starts, stops)),
                       law.swapped(back))
-        with np.errstate(over='ignore'):
-            off = self._relative(states) * np.exp(2 * tops)
-        sure = np.where(off < 1, tops + off, np.inf)     # otherwise rounding may hide an unbounded speed
+        with np.errstate(over='ignore', divide='ignore', invalid='ignore'):
+            ratio = np.exp(tops)
+            off = compile_scene(self._scene).speed_promise(ratio, 1 + ratio)
+            sure = np.where(off < 1, np.log(ratio + off), np.inf)     # otherwise rounding may hide an unbounded speed
         return np.stack((np.max(tops, axis=1), np.max(sure, axis=1), states.travel_m[starts], states.travel_m[stops]))
-
-    def _relative(self, states: 'SpeedStates') -> Floats:
-        """Return the largest position error from the leader to each handle (K+1,), divided by the mean link length."""
-        simulation = compile_scene(self._scene)
-        mean_m = simulation.model.length_m / self._scene.dragon.benches
-        return np.full(states.size_m.shape, simulation.promise_m / mean_m)
 
     def _states(self, times_s: Floats) -> 'SpeedStates':
         self._looks += times_s.size
@@ -286,9 +280,9 @@ def _law_of(scene: Scene) -> _Steady | _Varying:
 class SpeedStates:
     """M states of a chain with K links, and the speeds of its handles in order from the leader.
 
-    ``log`` (M, K+1) holds the logs of speeds relative to the leader's speed, ``size_m`` (K+1,) the largest distances of
-    the handles from the origin, and ``bends`` the smallest and largest curvatures over two segments of the track and
-    all segments between them. ``direction`` is -1 if the head leads and 1 if the tail leads.
+    ``log`` (M, K+1) holds the logs of speeds relative to the leader's speed, and ``bends`` the smallest and largest
+    curvatures over two segments of the track and all segments between them. ``direction`` is -1 if the head leads and 1
+    if the tail leads.
     """
 
     links_m: Floats
@@ -297,7 +291,6 @@ class SpeedStates:
     travel_m: Floats
     log: Floats
     links: LinkStates
-    size_m: Floats
 
     def rows(self, index: Ints) -> 'SpeedStates':
         """Return a subset of the states."""
@@ -313,8 +306,7 @@ def states_of(chains: Chain, travel_m: Floats, direction: int) -> SpeedStates:
     with np.errstate(divide='ignore'):      # a handle is at rest when it turns back
         log = np.cumsum(np.log(np.abs(np.cos(links.near))) - np.log(np.abs(np.cos(links.far))), axis=1)
     order = slice(None, None, -direction)
-    return SpeedStates(chains.links_m[order], track.bends, direction, travel_m, np.insert(log, 0, 0.0, axis=1), links,
-                       np.max(np.hypot(chains.p[..., 0], chains.p[..., 1]), axis=0)[order])
+    return SpeedStates(chains.links_m[order], track.bends, direction, travel_m, np.insert(log, 0, 0.0, axis=1), links)
 
 
 def bounds(a: SpeedStates, b: SpeedStates, law: LawBetween) -> Floats:
