@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 import dragon_ros as dr
-from dragon_contest.arrays import Floats
+from dragon_ros.cli.inputs import Floats
 
 PITCH_M, START, SPEED_M_S, HANDLES = 0.55, 32 * pi, 1.0, 224
 HEAD_LINK_M, BODY_LINK_M, INSET_M = 2.86, 1.65, 0.275

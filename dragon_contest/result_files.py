@@ -1,16 +1,15 @@
 """The result files of the contest problem (CUMCM 2024 A), as CSV and XLSX in the contest's layout."""
-import csv
 from collections.abc import Callable
 from dataclasses import dataclass
 from importlib.util import find_spec
-from io import BytesIO, StringIO
+from io import BytesIO
 from pathlib import Path
 
 import numpy as np
 
 import dragon_ros as dr
-from dragon_contest.arrays import Floats
 from dragon_ros.cli import command_line
+from dragon_ros.cli.inputs import Floats
 
 POSITION, SPEED = '位置', '速度'
 ENDS = ('龙头', '龙尾（后）')
@@ -115,12 +114,9 @@ def _rounded(sheet: ResultSheet) -> Floats:
 
 def _write_csv(folder: Path, name: str, sheet: ResultSheet) -> Path:
     path = folder / (f'{name}.csv' if sheet.file == name else f'{name}_{sheet.file}.csv')
-    text = StringIO(newline='')
-    writer = csv.writer(text, lineterminator='\n')
-    writer.writerow(('', *sheet.columns))
-    writer.writerows([name, *(f'{value:.6f}' for value in values)]
-                     for name, values in zip(sheet.rows, _rounded(sheet).tolist(), strict=True))
-    _write(path, text.getvalue().encode('utf-8-sig'))        # without the BOM, Excel assumes GBK
+    text = command_line.csv_of(('', *sheet.columns), ([name, *(f'{value:.6f}' for value in values)]
+                               for name, values in zip(sheet.rows, _rounded(sheet).tolist(), strict=True)))
+    command_line.write_output(path, text.encode('utf-8-sig'), '--contest')        # without the BOM, Excel assumes GBK
     return path
 
 
@@ -139,10 +135,5 @@ def _write_xlsx(path: Path, sheets: list[ResultSheet]) -> Path:
                 cell.number_format = '0.000000'
     data = BytesIO()
     book.save(data)
-    _write(path, data.getvalue())
+    command_line.write_output(path, data.getvalue(), '--contest')
     return path
-
-
-def _write(path: Path, data: bytes) -> None:
-    """Write a file. Raises MissingError."""
-    command_line.write_output(path, data, '--contest')

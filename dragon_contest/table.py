@@ -3,7 +3,7 @@ import sys
 from argparse import Namespace
 
 import dragon_ros as dr
-from dragon_contest.words import WORDS
+from dragon_contest import paper_tables
 from dragon_ros.cli import command_line
 from dragon_ros.cli.language import language_of, say
 from dragon_ros.cli.progress import Progress
@@ -15,7 +15,6 @@ def run(arguments: Namespace) -> int:
 
 
 def _paper(arguments: Namespace) -> int:
-    from dragon_contest import paper_tables
     cells = paper_tables.cells()
     content = (paper_tables.text(cells, language_of(arguments.lang)) if arguments.format == 'text' else
                paper_tables.FORMATS[arguments.format](cells))
@@ -30,5 +29,5 @@ def _contest(arguments: Namespace) -> int:
         paths = result_files.write(arguments.contest, scene, dr.scene('turning'), bar.update)
     command_line.write_output(None, '\n'.join(map(str, paths)))
     if not any(path.suffix == '.xlsx' for path in paths):
-        print(say(WORDS, 'no_xlsx', language_of(arguments.lang)), file=sys.stderr)
+        print(say(paper_tables.WORDS, 'no_xlsx', language_of(arguments.lang)), file=sys.stderr)
     return command_line.OK

@@ -3,6 +3,7 @@
 Each random point has its own generator, seeded by (seed, index); a Sobol point is reached by advancing one scrambled
 sequence. Rows can therefore be drawn in any order, batch or process.
 """
+from copy import deepcopy
 from functools import lru_cache
 from importlib.util import find_spec
 from typing import Any
@@ -37,7 +38,7 @@ def values_of(study: Study, index: int) -> Values:
 
 def scene_values_of(study: Study, values: Values) -> Values:
     """Return the base scene with the given values substituted, as a mapping laid out like a scene file."""
-    scene: Values = _copied(study.base)
+    scene = deepcopy(study.base)
     for key, value in values.items():       # groups are split afterwards, so that all groups keep their numbers
         if not isinstance(value, list):
             last, target = target_of(scene, key)
@@ -46,12 +47,6 @@ def scene_values_of(study: Study, values: Values) -> Values:
     for n in sorted(per_bench, reverse=True):
         scene['dragon']['groups'][n - 1:n] = [{'length_m': length_m, 'count': 1} for length_m in per_bench[n]]
     return scene
-
-
-def _copied(value: Any) -> Any:
-    if isinstance(value, dict):
-        return {key: _copied(one) for key, one in value.items()}
-    return [_copied(one) for one in value] if isinstance(value, list) else value
 
 
 def _in_grid(study: Study, index: int) -> Values:

@@ -29,12 +29,14 @@ class Estimate:
 
 def quantile(values: Floats, share: float, confidence: float = CONFIDENCE) -> Estimate:
     """Return a quantile of samples (N,) and the order statistics that bracket it, using the binomial distribution."""
-    from scipy.stats import binom  # slow to import
-    ordered, out = np.sort(values), (1 - confidence) / 2
-    count = ordered.size
-    low, high = int(binom.ppf(out, count, share)), int(binom.ppf(1 - out, count, share)) + 1
-    return Estimate(float(np.quantile(ordered, share)), float(ordered[low - 1]) if low >= 1 else -inf,
-                    float(ordered[high - 1]) if high <= count else inf)
+    return Estimate(float(np.quantile(values, share)), *_order_statistics(values, share, confidence, 'two-sided'))
+
+
+def _order_statistics(values: Floats, share: float, confidence: float, side: str) -> tuple[float, float]:
+    """Return the order statistics that bound a quantile with the given confidence, infinite if there are too few."""
+    from scipy.stats import quantile_test  # slow to import
+    low, high = quantile_test(values, p=share, alternative=side).confidence_interval(confidence)
+    return -inf if np.isnan(low) else float(low), inf if np.isnan(high) else float(high)
 
 
 def safe_rows(share: float, confidence: float = CONFIDENCE) -> int:
@@ -44,10 +46,7 @@ def safe_rows(share: float, confidence: float = CONFIDENCE) -> int:
 
 def upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) -> float:
     """Return an upper bound for a share of all values, with the given confidence, or inf if there are too few rows."""
-    from scipy.stats import binom
-    count = values.size
-    rank = int(binom.ppf(confidence, count, share)) + 1
-    return float(np.sort(values)[rank - 1]) if rank <= count else inf
+    return _order_statistics(values, share, confidence, 'less')[1]
 
 
 def normal_upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) -> float:
@@ -68,10 +67,9 @@ def may_be_normal(values: Floats) -> bool:
 
 def proportion(hits: int, count: int, confidence: float = CONFIDENCE) -> Estimate:
     """Return a proportion with its confidence interval (Clopper and Pearson 1934)."""
-    from scipy.stats import beta
-    out = (1 - confidence) / 2
-    return Estimate(hits / count, float(beta.ppf(out, hits, count - hits + 1)) if hits else 0.0,
-                    float(beta.ppf(1 - out, hits + 1, count - hits)) if hits < count else 1.0)
+    from scipy.stats import binomtest
+    low, high = binomtest(hits, count).proportion_ci(confidence, method='exact')
+    return Estimate(hits / count, float(low), float(high))
 
 
 def distribution(values: Floats, confidence: float = CONFIDENCE) -> tuple[Floats, Floats, float]:

@@ -34,8 +34,7 @@ def main(argv: list[str]) -> int:
     add_lang_option(options, 'text and report')
     options.add_argument('--output', type=Path, metavar='FILE', help='file to write: .html is a page with pictures; '
                          '.json and .csv are tables')
-    options.add_argument('--format', choices=('text', 'csv', 'json', 'html'), default=None,
-                         help='output format (text, unless the suffix of --output determines it)')
+    command_line.add_format_option(options, ('text', 'csv', 'json', 'html'))
     arguments = options.parse_args(argv)
     return command_line.guarded('grade', partial(_run, arguments))
 
@@ -43,7 +42,9 @@ def main(argv: list[str]) -> int:
 def _run(arguments: Namespace) -> int:
     if arguments.right_answers:
         return _write_right_answers(arguments)
-    form = _format_of(arguments)
+    form: str = arguments.format
+    if form == 'html' and arguments.output is None:
+        raise dr.InputError('--format html: this format can only be written to a file; give --output report.html')
     teams = _teams(arguments)
     from dragon_contest.grade.folders import grade_all
     from dragon_ros.cli.signals import stopped_by_signals
@@ -71,25 +72,11 @@ def _write_right_answers(arguments: Namespace) -> int:
 
     from dragon_contest.answers import right_answers
     given = {'FILE|FOLDER': bool(arguments.paths), '--answers': arguments.answers is not None,
-             '--format': arguments.format not in (None, 'json'), '--lang': arguments.lang is not None,
+             '--format': arguments.format not in ('text', 'json'), '--lang': arguments.lang is not None,
              **{option: getattr(arguments, option[2:]) is not None for option in _ANSWERS.values()}}
     command_line.check_taken('--right-answers', given, set())
     command_line.write_output(arguments.output, json.dumps(right_answers(), indent=1))
     return command_line.OK
-
-
-def _format_of(arguments: Namespace) -> str:
-    """Return the requested format; the default follows from the suffix of --output, or is text. Raises InputError."""
-    suffix = {'.html': 'html', '.htm': 'html', '.json': 'json', '.csv': 'csv', '.txt': 'text'}
-    of_output = None if arguments.output is None else suffix.get(arguments.output.suffix.lower())
-    if arguments.output is not None and of_output is None and arguments.output.suffix:
-        raise dr.InputError(f'--output {arguments.output}: the suffix must be .html, .json, .csv or .txt; rename it')
-    if arguments.format and of_output and arguments.format != of_output:
-        raise dr.InputError(f'--format {arguments.format}: it contradicts --output {arguments.output}; omit one')
-    form = str(arguments.format or of_output or 'text')
-    if form == 'html' and arguments.output is None:
-        raise dr.InputError('--format html: this format can only be written to a file; give --output report.html')
-    return form
 
 
 def _teams(arguments: Namespace) -> 'list[Team]':

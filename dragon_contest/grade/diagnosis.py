@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 import dragon_ros as dr
 from dragon_contest import mistakes
-from dragon_contest.arrays import Floats, Ints
 from dragon_contest.grade.layout import HANDLES
 from dragon_contest.grade.truth import (
     TrueStates,
@@ -40,6 +39,7 @@ from dragon_contest.mistakes import (
     points,
     solved,
 )
+from dragon_ros.cli.inputs import Floats, Ints
 
 Booleans = NDArray[np.bool_]
 EXPLAINED = 0.99        # smallest share of the squared error that a reported mistake must explain

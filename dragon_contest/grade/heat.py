@@ -3,7 +3,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dragon_contest.arrays import Floats
+from dragon_ros.cli.inputs import Floats
 
 _MOST_ROWS, _MOST_COLUMNS = 76, 112     # largest number of rows (handles) and of columns (times)
 LEAST, MOST = -7.0, 1.0                 # smallest and largest error shown, as powers of ten

@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dragon_contest.arrays import Floats, Ints
 from dragon_contest.grade.reading import Cell, WorkbookSheet, number_of
 from dragon_contest.limits import BOOK_TIMES
+from dragon_ros.cli.inputs import Floats, Ints
 
 HANDLES = 224
 QUANTITIES = ('x', 'y', 'v')

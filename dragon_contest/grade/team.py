@@ -14,7 +14,6 @@ from typing import NamedTuple
 import numpy as np
 
 import dragon_ros as dr
-from dragon_contest.arrays import Floats
 from dragon_contest.grade.diagnosis import (
     RIGHT,
     Booleans,
@@ -30,7 +29,7 @@ from dragon_contest.grade.reading import Refused, WorkbookSheet, read_book
 from dragon_contest.grade.truth import RESULTS, TrueStates, contact_s, truth_at
 from dragon_contest.grade.words import sentence, titled
 from dragon_contest.mistakes import turning
-from dragon_ros.cli.inputs import Document, number, plain_number, read_document
+from dragon_ros.cli.inputs import Document, Floats, number, plain_number, read_document
 
 CLOSE = 1e-2        # largest error of a close table or answer, in its unit
 BOUNDS = (1e-6, 1e-4, CLOSE)     # error bounds for which the share of cells is reported

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dragon_ros as dr
-from dragon_contest.arrays import Floats
 from dragon_contest.mistakes import SPEED_M_S, START, arc_length, turning, winding
+from dragon_ros.cli.inputs import Floats
 
 RESULTS = ('result1', 'result2', 'result4')
 _MORE_TURNS = 2                 # number of turns added before the start, for results with shifted times

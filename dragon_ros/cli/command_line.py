@@ -30,8 +30,9 @@ class _Default(str):
     __slots__ = ()
 
 
-_SUFFIXES = {'.csv': 'csv', '.json': 'json', '.npz': 'npz', '.parquet': 'parquet', '.txt': 'text', '.xlsx': 'xlsx'}
-_OTHERS = frozenset(('.docx', '.html', '.jpg', '.mat', '.ods', '.pdf', '.png', '.svg', '.tex', '.xls'))   # no tables
+_SUFFIXES = {'.csv': 'csv', '.htm': 'html', '.html': 'html', '.json': 'json', '.npz': 'npz', '.parquet': 'parquet',
+             '.txt': 'text', '.xlsx': 'xlsx'}
+_OTHERS = frozenset(('.docx', '.jpg', '.mat', '.ods', '.pdf', '.png', '.svg', '.tex', '.xls'))   # no tables
 DEFAULT_SCENE = _Default('winding')
 
 
