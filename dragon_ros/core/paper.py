@@ -14,7 +14,7 @@ from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.tracks.composite import Track
 from dragon_ros.core.tracks.segments import BEHIND
-from dragon_ros.core.tracks.spiral import SpiralCurve, SpiralSegment, tangents
+from dragon_ros.core.tracks.spiral import SpiralCurve, SpiralSegment
 
 STEP_S, STEP_RAD, WITHIN_M, EXPONENT = 0.01, 0.01, 0.1, 0.02
 
@@ -31,7 +31,7 @@ class PaperChain(Chain):
         """Return velocities (m/s, shape (..., N+1, 2)) with the paper's speeds, along the tangents of the track."""
         rho = np.hypot(self.p[..., 0], self.p[..., 1])
         speed = np.asarray(leader_speed_m_s)[..., None] * (rho[..., :1] / rho) ** EXPONENT
-        return read_only(np.multiply(-speed[..., None], tangents(self.u), out=out).view())
+        return read_only(np.multiply(speed[..., None], self.headings, out=out).view())
 
 
 def steps_of(t_s: float) -> int:

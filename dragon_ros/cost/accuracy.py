@@ -19,7 +19,6 @@ from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.spec import Spiral
-from dragon_ros.core.tracks.spiral import points
 from dragon_ros.cost.measure import Timing, timed_in_turn
 
 if TYPE_CHECKING:       # mpmath is an optional extra
@@ -38,7 +37,7 @@ def chain_by(next_angle: Callable[[float, float], float], scene: Scene, t_s: flo
     for link in scene.dragon.link_lengths_m.tolist():
         theta.append(float(next_angle(theta[-1], link / b)))
     angle = np.array(theta)
-    return points(b, angle)
+    return np.stack((b * angle * np.cos(angle), b * angle * np.sin(angle)), axis=-1)
 
 
 def cosine_rule(theta: float, outer: float, chord: float) -> float:

@@ -72,8 +72,7 @@ def forward(track: Track, links_m: list[float], leader: Place, direction: int, f
     k, u = leader
     segments, us, spent, i = [k], [u], 0, 0
     while i < len(links_m):
-        left_m = links_m[i:]
-        found, more = track.segments[k].march(u, left_m, direction, track.edge(k, max(left_m), direction))
+        found, more = track.segments[k].march(u, links_m[i:], direction, track.edge(k, direction))
         segments += [k] * len(found)
         us += found
         spent += more
@@ -90,7 +89,7 @@ def forward(track: Track, links_m: list[float], leader: Place, direction: int, f
 def next_place(track: Track, place: Place, link_m: float, direction: int, number: int = 0) -> tuple[Place, int]:
     """Return the handle that follows a handle, and the evaluation count: ``forward`` for one link, in half the time."""
     k, u = place
-    found, spent = track.segments[k].march(u, [link_m], direction, track.edge(k, link_m, direction))
+    found, spent = track.segments[k].march(u, [link_m], direction, track.edge(k, direction))
     if found:
         return Place(k, found[0]), spent
     there, more = _beyond(track, place, link_m, direction, number)
@@ -188,7 +187,7 @@ def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block
     ``at`` (M,) holds the rows of the last handles placed so far and is updated.
     """
     u = rows[1][at[on], on]
-    edge, left = track.edge(k, block.link_m, direction), block.stop - at[on]
+    edge, left = track.edge(k, direction), block.stop - at[on]
     step = float(track.segments[k].shifts(u[:1], block.link_m, direction)[0][0])
     most = np.minimum(left, (edge - u) / step + 1)
     steps = 1.0 + np.arange(int(np.max(most)))[:, None]
@@ -354,7 +353,7 @@ def _stepped(track: Track, k: int, u: Floats, chord_m: float, direction: int,
 
     If there is no next position, the position itself is returned.
     """
-    segment, edge = track.segments[k], track.edge(k, chord_m, direction)
+    segment, edge = track.segments[k], track.edge(k, direction)
     shift, spent = segment.shifts(u, chord_m, direction, past)
     found = np.isfinite(shift)
     shift = np.where(found, shift, 0.0)

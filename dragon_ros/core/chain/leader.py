@@ -53,7 +53,7 @@ class Leader:
 
     def place(self, travel_m: float) -> Place:
         """Return the leader's position after it has travelled ``travel_m``. Raises TrackEndError beyond an end."""
-        return self.track.place_at(self.along_m(travel_m), self._origin_m)
+        return self.track.place_at(self.along_m(travel_m))
 
     def places(self, travel_m: Floats) -> Places:
         """Return the positions of the leader for many distances travelled."""

@@ -9,7 +9,7 @@ from dragon_ros.core.chain.forward import FEWEST_ROWS, Block, by_segment, forwar
 from dragon_ros.core.errors import ChainLockError, TrackEndError
 from dragon_ros.core.numerics.chebyshev import inverse_series, powers_of, series_of, transform
 from dragon_ros.core.numerics.types import Floats, Ints, complex_of, dot, read_only
-from dragon_ros.core.tracks.composite import WIDEST_RAD, Place, Places, Track
+from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Segment, reach_m
 from dragon_ros.core.tracks.spiral import SpiralSegment
 
@@ -20,6 +20,7 @@ _MOST_BYTES = 256_000_000   # maximum total size of the series of all tables of 
 # the first position then takes a third of the time of a table with all parts, and all tables together take 1.3 to 1.7
 # times as long.
 _MOST_PARTS = 48
+_WIDEST_RAD = 1.3   # approximate limit on a link's span on an inward spiral; a wider link may be close to locking
 _MANY_JOINTS = 16           # minimum number of joints for moving them ahead together; fewer are faster one by one
 _PULLS = 2                  # number of times that many joints are moved ahead together; few links are left after two
 _ROUNDS = 5                 # maximum number of times that parts are cut into thirds
@@ -196,7 +197,7 @@ def _front(track: Track, link_m: float, stretch: Stretch) -> Place:
         high_m += stretch.links * reach_m(track.bend, link_m)
     front = track.place_at(min(track.end_m, high_m + _SAME * (1 + abs(high_m))))
     if front.segment == 0 and track.from_afar:
-        return Place(0, max(front.u, link_m / (WIDEST_RAD * track.from_afar.curve.b_m)))
+        return Place(0, max(front.u, link_m / (_WIDEST_RAD * track.from_afar.curve.b_m)))
     return front
 
 

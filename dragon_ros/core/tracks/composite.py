@@ -26,12 +26,9 @@ from dragon_ros.core.numerics.types import Array, Floats, Ints, read_only
 from dragon_ros.core.tracks.s_turn import s_turn_segments
 from dragon_ros.core.tracks.segments import BEHIND, LARGEST_BEND, ArcSegment, LineSegment, Segment, reach_m
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn, TrackSpec
-from dragon_ros.core.tracks.spiral import TIGHT, TINY, SpiralCurve, SpiralSegment
+from dragon_ros.core.tracks.spiral import BEYOND_M, TIGHT, TINY, SpiralCurve, SpiralSegment
 
 _ULPS = 2.0**-49    # bound on the sum of a few rounding errors, relative to a coordinate and its distance
-_BEYOND = 1e-9      # how far rounding may put the leader beyond the track's end, relative to a distance
-_SLACK = 0.02       # how far a follower may be put beyond the end, relative to a link
-WIDEST_RAD = 1.3    # approximate limit on a link's span on an inward spiral; a wider link may be close to locking
 _NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # largest difference between the end of a piece and the stated start of the next
 
 SAG_M = 0.002               # on a screen that shows tens of metres, smaller deviations are invisible
@@ -116,15 +113,11 @@ class Track:
                              f'{least:.6g} m, 1.01 times half the longest link, and the chain could lock there',
                              'use a larger radius or shorter benches')
 
-    def place_at(self, metres: float, from_m: float = 0.0) -> Place:
-        """Return the position at a distance along the track. Raises TrackEndError beyond either end.
-
-        Rounding may put a distance slightly beyond an end; the tolerance for this grows with the distance of that end
-        and with ``from_m``.
-        """
+    def place_at(self, metres: float) -> Place:
+        """Return the position at a distance along the track. Raises TrackEndError more than BEYOND_M beyond an end."""
         if not self.begin_m <= metres <= self.end_m:
             limit_m = self.begin_m if metres < self.begin_m else self.end_m
-            if not abs(metres - limit_m) <= _BEYOND * (1 + max(abs(limit_m), abs(from_m))):
+            if not abs(metres - limit_m) <= BEYOND_M:
                 raise TrackEndError(f'the distance {metres:.9g} m is not on the track, which extends from '
                                     f'{self.begin_m:.9g} to '
                                     f'{self.end_m:.9g} m', distance_m=metres, limit_m=self.end_m)
@@ -181,14 +174,13 @@ class Track:
                        + 0.5 * float(segment.metres_between(a, b)))
                    for segment, a, b in self.between(low_m, high_m))
 
-    def edge(self, k: int, chord_m: float, direction: int) -> float:
+    def edge(self, k: int, direction: int) -> float:
         """Return the coordinate at which segment k ends behind or ahead (slightly beyond it at an end of the track)."""
         segment = self.segments[k]
         edge = segment.first if direction == BEHIND else segment.last
         if 0 <= k + direction < len(self.segments) or abs(edge) == inf:
             return edge
-        rate = segment.rate(edge)
-        return float(edge + direction * _SLACK * chord_m / rate)
+        return float(edge + direction * BEYOND_M / segment.rate(edge))
 
     def across(self, place: Place, chord_m: float, direction: int) -> tuple[Place, int]:
         """Return the next position, which is on another segment, and the number of evaluations.
@@ -201,7 +193,7 @@ class Track:
         reach = reach_m(self.bend, chord_m)
         while 0 <= (k := k + direction) < len(self.segments):
             segment = self.segments[k]
-            near, far = segment.last if direction == BEHIND else segment.first, self.edge(k, chord_m, direction)
+            near, far = segment.last if direction == BEHIND else segment.first, self.edge(k, direction)
             longest = float(segment.metres_between(near, far)) if abs(far) < inf else inf
             if arc_m + longest >= reach or abs(complex(segment.at(far)) - here) >= chord_m:
                 return self._cut(k, here, chord_m, direction, (arc_m, reach))
@@ -219,7 +211,7 @@ class Track:
         """
         arc_m, reach = arcs_m
         segment = self.segments[k]
-        near, far = segment.last if direction == BEHIND else segment.first, self.edge(k, chord_m, direction)
+        near, far = segment.last if direction == BEHIND else segment.first, self.edge(k, direction)
         left, sense = max(reach - arc_m, 0.0), 1.0 if far > near else -1.0
         margin = self._joint_margin_m / abs(segment.rate(near))
         most = min(abs(segment.after(segment.metres(near) + direction * left) - near) + margin, abs(far - near))
@@ -252,7 +244,7 @@ class Track:
         left = np.arange(here.size)
         while left.size and 0 <= (k := k + direction) < len(self.segments):
             segment = self.segments[k]
-            near, far = segment.last if direction == BEHIND else segment.first, self.edge(k, chord_m, direction)
+            near, far = segment.last if direction == BEHIND else segment.first, self.edge(k, direction)
             longest = float(segment.metres_between(near, far)) if abs(far) < inf else inf
             hit = np.full(left.shape, True) if longest == inf else (
                 (arc_m[left] + longest >= reach) | (np.abs(complex(segment.at(far)) - here[left]) >= chord_m))

@@ -27,7 +27,7 @@ from dragon_ros.core.tracks.segments import NEW, Past, direction_at, reach_m
 from dragon_ros.core.tracks.spec import Spiral
 
 TINY = 1e-300           # added to a denominator so that 0 / 0 becomes 0
-_ROUNDING = 1e-9        # how far rounding may put a distance beyond the centre, relative to 1 m and the whole length
+BEYOND_M = 1e-6         # how far rounding may put a handle beyond an end of the track: more than any promise
 _NEWTON_STEPS = 20
 TIGHT = 1e-8            # final Newton step, relative to the angle; half its square is below the resolution of floats
 _TAME_RAD = 1.5         # for smaller spans outwards, plain Newton iteration converges from any initial guess used here
@@ -65,7 +65,7 @@ class SpiralCurve:
         many = isinstance(distance_m, np.ndarray)
         root, asinh_of, every = (np.sqrt, np.arcsinh, np.all) if many else (sqrt, asinh, bool)
         furthest = float(np.max(distance_m, initial=-inf)) if many else distance_m
-        if furthest > self.length_m + _ROUNDING * (1 + self.length_m):
+        if furthest > self.length_m + BEYOND_M:
             raise TrackEndError(f'{furthest:.9g} m along the track is beyond the centre, where the track ends at '
                                 f'{self.length_m:.9g} m', distance_m=furthest, limit_m=self.length_m)
         arc, theta = distance_m / self.b_m, self.start
@@ -101,19 +101,6 @@ def _arc_and_slope(theta: Any, turned: Any, root: Any = sqrt, asinh_of: Any = as
     w_inner, change = root(1 + inner * inner), turned * (theta + inner)
     along = turned * w_outer + inner * change / (w_outer + w_inner)
     return 0.5 * (along + asinh_of(change / (theta * w_inner + inner * w_outer + TINY))), w_inner
-
-
-def points(b_m: float, theta: Floats) -> Floats:
-    """Return the points at polar angles, relative to the centre (m, shape (..., 2))."""
-    radius = b_m * theta
-    return np.stack((radius * np.cos(theta), radius * np.sin(theta)), axis=-1)
-
-
-def tangents(theta: Floats) -> Floats:
-    """Return unit tangents pointing outwards, shape (..., 2)."""
-    cos, sin = np.cos(theta), np.sin(theta)
-    out: Floats = np.stack((cos - theta * sin, sin + theta * cos), axis=-1) / np.sqrt(1 + theta * theta)[..., None]
-    return out
 
 
 def first_guess(theta: Any, chord: Any, sense: float = 1.0) -> Any:
