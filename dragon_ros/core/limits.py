@@ -43,6 +43,7 @@ LED_TICKS = 2_000_000
 # Messages and nodes
 COORDINATE_M = 1e7      # beyond the world: northings of maps on a Path, and bags of earlier versions
 MARKER_RUNS = 10_000
+LISTED_OBJECTS = 500_000
 MONITOR_BYTES = 256 * MB
 INBOX_BYTES = 128 * MB
 INBOX_MESSAGES = 10_000
@@ -117,6 +118,8 @@ LIMITS = (
           'metres', 'rejected'),
     Limit('MARKER_RUNS', 'the markers of a message whose layout differs from that of the previous marker', 'markers',
           'rejected'),
+    Limit('LISTED_OBJECTS', 'the messages and strings in the lists of a message whose fields are read one by one',
+          'objects', 'rejected'),
     Limit('MONITOR_BYTES', 'messages that the monitor holds until their counterparts arrive', 'bytes',
           'the oldest message is dropped, with a warning'),
     Limit('INBOX_BYTES', 'messages in the inbox of the monitor', 'bytes',

@@ -6,19 +6,23 @@ offset.
 """
 import re
 import struct
+from array import array
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import islice
+from math import prod
 from typing import Any
 
 import numpy as np
 
 from dragon_ros.core.errors import InputError, shown
-from dragon_ros.core.limits import COORDINATE_M, DRAWING_POINTS, MARKER_RUNS
+from dragon_ros.core.limits import COORDINATE_M, DRAWING_POINTS, LISTED_OBJECTS, MARKER_RUNS
 from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints
 from dragon_ros.messages.cdr import LITTLE, NS, strided
 from dragon_ros.messages.schemas import TEXT, Field, fields_of
 
+_MOST_DIMENSIONS = 32       # limit on those of a multi-dimensional array; numpy's own limit depends on its version
 _MOST_LISTS = 2         # number of markers if all benches are in two lists: faces and edges
 _SMALLEST_MARKER = 180
 _HEALTH_BYTES = 65_536      # limit on accepted messages; a monitor's messages have about 100 bytes
@@ -35,6 +39,7 @@ class Reader:
     """Reads plain CDR field by field; offsets count from the start of the data.
 
     ``spare`` counts the bytes that Fast DDS may leave unused at the end of a message: eight for an empty ``float64[]``.
+    ``listed`` counts the messages and strings in lists, each of which becomes an object.
     """
 
     def __init__(self, data: bytes | bytearray) -> None:
@@ -42,7 +47,7 @@ class Reader:
         if len(data) < 4 or data[0] != 0 or data[1] > 1:
             raise MessageError(f'not plain CDR: it starts with {bytes(data[:4]).hex() or "nothing"}; '
                                'expected 0000 or 0001 (XCDR2 and parameter lists are not supported)')
-        self.data, self.order, self.at, self.spare = data, '><'[data[1]], 4, 0
+        self.data, self.order, self.at, self.spare, self.listed = data, '><'[data[1]], 4, 0, 0
 
     def skip(self, kind: str, count: int = 1) -> int:
         """Skip aligned values of one type and return the offset of the first value."""
@@ -105,6 +110,9 @@ def _value(reader: Reader, field: Field) -> Any:
         return _one(reader, field)
     count = 1 if field.many is None else field.many or reader.take('I')
     if field.kind in (TEXT, ''):
+        reader.listed += count
+        if reader.listed > LISTED_OBJECTS:
+            raise MessageError(f'its lists have {reader.listed} messages and strings; the limit is {LISTED_OBJECTS}')
         return [_one(reader, field) for _ in range(count)]
     reader.spare += _spare(field, count)
     values = reader.array(field.kind, count * (field.each or 1))
@@ -127,7 +135,7 @@ class Layout:
 
     start: int
     at: dict[str, int] = field(default_factory=dict)
-    lengths: list[int] = field(default_factory=list)
+    lengths: 'array[int]' = field(default_factory=lambda: array('q'))
     end: int = 0
     spare: int = 0
 
@@ -263,9 +271,10 @@ def read_multi_array(data: bytes | bytearray) -> tuple[list[str], Floats]:
     dimensions = message['layout']['dim']
     shape = [row['size'] for row in dimensions]
     values = message['data'][message['layout']['data_offset']:]
-    if int(np.prod(shape, dtype=object)) != values.size:
-        raise MessageError(f'{values.size} values do not match the shape {shape}')
-    return [row['label'] for row in dimensions], values.reshape(shape)
+    if len(shape) <= _MOST_DIMENSIONS and prod(shape) == values.size:
+        with suppress(ValueError):      # numpy refuses sizes such as 0 by 2**32 by 2**32
+            return [row['label'] for row in dimensions], values.reshape(shape)
+    raise MessageError(f'{values.size} values do not match the shape {shown(shape)}')
 
 
 @dataclass(frozen=True)

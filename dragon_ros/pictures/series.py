@@ -49,6 +49,7 @@ def gap_title(source: Source) -> str:
 def _shade_overlap(axes: Axes, touching: bool) -> None:
     """Shade overlaps; if benches touch, leave space for text."""
     low, high = axes.get_ylim()
+    high = max(high, 0.0)       # also if benches overlap all the time
     low = min(low, -0.4 * high if touching else 0.0)
     axes.axhline(0.0, color=QUIET, linewidth=0.8)
     if low < 0:

@@ -308,6 +308,14 @@ def test_where_the_disk_is_full_between_two_parts_all_parts_are_whole_and_listed
     assert (found.topics['/x'].messages, found.problems.lines) == (3, [])
 
 
+@pytest.mark.parametrize('name', ['run', 'run.mcap'])
+def test_a_bag_that_cannot_begin_on_a_full_disk_leaves_nothing_so_that_it_can_begin_later(tmp_path, name):
+    with small_disk(10), pytest.raises(DiskError, match='File too large'):
+        BagWriter(tmp_path / name)
+    assert list(tmp_path.iterdir()) == []
+    BagWriter(tmp_path / name).close()
+
+
 @pytest.mark.parametrize('moved', [True, False])
 @pytest.mark.parametrize('flushed', [True, False])
 def test_a_folder_that_vanishes_between_two_parts_is_noticed_in_words(tmp_path, moved, flushed):

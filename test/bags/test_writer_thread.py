@@ -1,4 +1,5 @@
 """The writer thread writes everything in order, in bounded memory, and reports an error once."""
+import struct
 import threading
 
 import pytest
@@ -75,3 +76,12 @@ def test_after_an_error_nothing_more_is_written_and_the_bag_is_whole(bag):
     writer.stop()
     assert isinstance(writer.error, DiskError)
     assert len(messages(bag)) == bag.kept == 28
+
+
+def test_any_error_ends_the_writing_and_is_kept_for_the_recorder(bag):
+    writer = WriterThread(bag)
+    writer.write('/x', b'', 2**64, 1, 1)
+    writer.write('/x', b'', 1, 2, 1)
+    writer.stop()
+    assert isinstance(writer.error, struct.error)
+    assert messages(bag) == []

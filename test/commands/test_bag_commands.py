@@ -257,11 +257,15 @@ def test_inspect_counts_messages_that_their_type_cannot_hold_and_says_how_many_i
     assert f'lengths: {3 * TICKS + 2} messages were compared with their types' in run(capsys, 'inspect', bag)[1]
 
 
-def test_a_repair_that_loses_a_message_that_parses_says_how_many_and_exits_with_1(capsys, tmp_path):
-    undeclared = struct.pack('<BQHIQQ', 5, 26, 77, 1, 5, 5) + b'\0\1\0\0'
+@pytest.mark.parametrize('cause', ['an undeclared channel', 'a record with opcode 0'])
+def test_a_repair_that_loses_a_message_that_parses_says_how_many_and_exits_with_1(capsys, tmp_path, cause):
+    message = struct.pack('<BQHIQQ', 5, 26, 77, 1, 5, 5) + b'\0\1\0\0'
+    if cause == 'a record with opcode 0':
+        rows = struct.pack('<BQ', 0, 0) + message
+        message = struct.pack('<BQQQQIIQ', 6, 40 + len(rows), 5, 5, len(rows), 0, 0, len(rows)) + rows
     header, end = struct.pack('<BQII', 1, 8, 0, 0), struct.pack('<BQ20x', 2, 20)
-    path = tmp_path / 'undeclared.mcap'
-    path.write_bytes(b'\x89MCAP0\r\n' + header + undeclared + end + b'\x89MCAP0\r\n')
+    path = tmp_path / 'lost.mcap'
+    path.write_bytes(b'\x89MCAP0\r\n' + header + message + end + b'\x89MCAP0\r\n')
     code, out, _ = run(capsys, 'inspect', path, '--repair', tmp_path / 'saved.mcap')
     assert code == 1
     assert '1 readable message was not saved' in out

@@ -389,6 +389,15 @@ def test_a_window_that_is_small_in_its_inset_is_ringed():
         assert len(inset.moving[2].get_xdata()) == ringed
 
 
+def test_a_run_in_contact_from_start_to_end_has_its_contact_in_the_picture_of_the_clearance():
+    source = SceneSource('winding', load_scene('winding', ['dragon.benches=60', 'run.start_s=413', 'run.stop_s=413.5']))
+    with style():
+        figure = clearance_picture(source, iter)
+        low, high = figure.axes[0].get_ylim()
+        assert low < 0 <= high
+        assert pictures.Picture(figure).cropped() == []
+
+
 def test_benches_that_overlap_are_marked_where_they_do():
     source = SceneSource('winding', SHOWN['winding']())
     before, after = (overlaps(moment(source, t_s)) for t_s in (412.47, 412.8))

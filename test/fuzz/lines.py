@@ -22,7 +22,7 @@ HANDLES = '/dragon/handles'
 _TOPIC = re.compile(r'  (/\S+) +(?:\S+/msg/\S+)? +(\d+) +\d+\.\d{3} .*')
 _WHOLE = '  integrity: every length, index and CRC is correct'
 _VERDICT = re.compile(r'.*: (\d+) messages? (?:is|are) bit-identical to the model'
-                      r'(?:, (\d+) (?:is|are) within the accuracy .*?\))?, (\d+) (?:is|are) not'
+                      r'(?:, (\d+) (?:is|are) within the promise but not bit-identical \(.*\))?, (\d+) (?:is|are) not'
                       r'(?:; (\d+) (?:is|are) missing)?')
 _ONCE = re.compile(r'  scene and track: (\d+) message(?:s match| matches) the scene')
 _UNCHECKED = re.compile(r'  unchecked: (\d+) of .* \(.*\)')

@@ -1,10 +1,11 @@
 """The general decoder agrees with the real rmw serialiser for every message type, alignment and byte order."""
 import struct
 import sys
+from contextlib import suppress
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from properties import examples
 
@@ -13,7 +14,7 @@ from dragon_ros.core.limits import MARKER_RUNS
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages import decode as decoder
-from dragon_ros.messages.cdr import float64_of
+from dragon_ros.messages.cdr import Writer, float64_of
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import (
     Health,
@@ -235,6 +236,59 @@ def test_the_health_of_a_monitor_is_that_of_its_dragon_and_all_else_is_none():
     assert [of('1.000000000', name=f'{dragon}: clearance') for dragon in ('blue', 'white')] == [None] * 2
     assert of('1.000000000', more=9999) is None         # longer than any monitor's message
     assert read_health(b'\0\1\0\0', 'red') is None
+
+
+def multi_array(sizes, values=0):
+    writer = Writer()
+    writer.put('I', len(sizes))
+    for size in sizes:
+        writer.text('')
+        writer.put('I', size, 0)
+    writer.put('I', 0, values)
+    writer.put('d', *[1.5] * values)
+    return bytes(writer.finish())
+
+
+@given(st.lists(st.sampled_from([0, 1, 2, 2**31, 2**32 - 1]), max_size=80), st.integers(0, 2))
+@example([1] * 65, 1)
+@example([0, 2**32 - 1, 2**32 - 1], 0)
+@examples(20)
+def test_dimensions_of_any_number_and_size_give_an_array_or_a_message_error(sizes, values):
+    with suppress(MessageError):
+        array = read_multi_array(multi_array(sizes, values))[1]
+        assert (array.shape, array.size) == (tuple(sizes), values)
+
+
+def test_an_error_about_many_dimensions_is_short():
+    with pytest.raises(MessageError) as error:
+        read_multi_array(multi_array([2**32 - 1] * 1000))
+    assert len(str(error.value)) < 200
+
+
+@pytest.mark.parametrize('within', [True, False])
+def test_a_message_makes_a_bounded_number_of_objects(monkeypatch, within):
+    monkeypatch.setattr(decoder, 'LISTED_OBJECTS', 6)
+    message = diagnostics(2 if within else 3)
+    if within:
+        assert len(read_diagnostics(message)) == 2
+        return
+    with pytest.raises(MessageError, match='the limit is 6'):
+        read_diagnostics(message)
+
+
+def diagnostics(statuses):
+    """Return a DiagnosticArray whose statuses have two values each."""
+    writer = Writer()
+    writer.header('dragon', 0)
+    writer.put('I', statuses)
+    for _ in range(statuses):
+        writer.put('B', 0)
+        for _ in range(3):
+            writer.text('a')
+        writer.put('I', 2)
+        for _ in range(4):
+            writer.text('b')
+    return bytes(writer.finish())
 
 
 def test_poses_are_views_of_the_bytes():

@@ -101,6 +101,8 @@ def _examine(contents: Contents, file: McapFile, progress: Callable[[int], objec
     for batch in scanned.batches:
         _survey(contents, scanned, batch, checks)
         progress(batch.place.end - batch.place.offset)
+    for line in scanned.lacking:
+        contents.problems.note(f'{file.path}: is damaged: {line}')
     _check_others(contents, file, scanned)
     _hold_summary(contents, file, scanned)
     if scanned.data_end:
@@ -199,15 +201,23 @@ def _hold_summary(contents: Contents, file: McapFile, scanned: Index) -> None:
         contents.notes.note(f'{file.path}: has no complete summary; readers must scan the whole file')
     if summary is None:
         return
+    for line in [] if scanned.lacking else summary.lacking:
+        contents.problems.note(f'{file.path}: the summary: {line}')
     places = {batch.place for batch in scanned.batches}
     for batch in summary.batches:
         if batch.place not in places:
             contents.problems.note(file.fault(batch.place.offset, 'the index lists a chunk there, but there is none'))
     said, found = summary.statistics, +scanned.counts
-    if said is not None and not scanned.damage and (
-            said.message_count != found.total() or (summary.counts and +summary.counts != found)):
+    if said is None or scanned.damage:
+        return
+    if said.message_count != found.total():
         contents.problems.note(f'{file.path}: according to the summary, the number of messages is '
                                f'{said.message_count}; it is {found.total()}')
+    elif summary.counts:
+        wrong = (number for number in sorted({*found, *summary.counts}) if found[number] != summary.counts[number])
+        for number in wrong:
+            contents.problems.note(f'{file.path}: according to the summary, the number of messages on channel {number} '
+                                   f'is {summary.counts[number]}; it is {found[number]}')
 
 
 def _check_data_crc(contents: Contents, file: McapFile, scanned: Index) -> None:

@@ -130,12 +130,12 @@ def _put(done: Repaired, sink: _Sink, index: Index, row: StoredMessage, data: by
 
 
 def _parsed_in(file: McapFile, place: Location) -> int:
-    """Count the messages of a chunk that can be parsed, even if the chunk's CRC is wrong."""
+    """Count the messages of a chunk that can be parsed, even if its CRC is wrong or a record is invalid."""
     found = 0
     if place.opcode != Opcode.CHUNK:
         return found
     with suppress(BagError, ValueError):
-        for record in records_in(chunk_data(file, place, checked=False)):
+        for record in records_in(chunk_data(file, place, checked=False), invalid=True):
             found += isinstance(record, StoredMessage)
     return found
 

@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 from io import BytesIO
+from math import inf
 from os import SEEK_END
 from pathlib import Path
 from typing import IO, NamedTuple, TypeVar
@@ -268,8 +269,11 @@ def message_time_ns(file: McapFile, place: Location) -> int:
     return t_ns
 
 
-def records_in(data: bytes) -> Iterator[StoredMessage | OtherRecord]:
-    """Yield the records of a chunk. Raises ValueError with the offset if the records are truncated."""
+def records_in(data: bytes, invalid: bool = False) -> Iterator[StoredMessage | OtherRecord]:
+    """Yield the records of a chunk. Raises ValueError with the offset if the records are truncated.
+
+    It also raises ValueError at a record with the invalid opcode 0, unless ``invalid`` is true.
+    """
     at, size = 0, len(data)
     while at < size:
         if at + HEAD.size > size:
@@ -278,7 +282,7 @@ def records_in(data: bytes) -> Iterator[StoredMessage | OtherRecord]:
         start, end = at + HEAD.size, at + HEAD.size + length
         if end > size:
             raise ValueError(f'its record at {at} claims {length} bytes, but {size - start} remain')
-        if opcode == 0:
+        if opcode == 0 and not invalid:
             raise ValueError(f'a record with opcode 0, which is invalid, at {at}')
         if opcode != Opcode.MESSAGE:
             yield OtherRecord(opcode, start, end)
@@ -387,6 +391,10 @@ class Index:
     these. ``data_end`` is the last DataEnd record, or None if there is none. ``stray`` lists the DataEnd records that
     are followed by data or by another DataEnd. ``numbered`` counts messages by channel according to the message
     indexes, which ``indexes`` counts. ``reach`` is the offset where the last record ends.
+
+    ``declared`` maps ('schema', number) and ('channel', number) to the offset of the first such record, or of its
+    chunk. ``used`` maps channels to the offset of the first batch with a message, or to -1 if that message precedes the
+    channel. ``is_late`` tells whether a message index precedes its channel, which may be declared in a chunk.
     """
 
     file: McapFile
@@ -406,16 +414,25 @@ class Index:
     numbered: Counter[int] = field(default_factory=Counter)
     indexes: Counter[int] = field(default_factory=Counter)
     reach: int = 0
+    declared: dict[tuple[str, int], int] = field(default_factory=dict)
+    used: dict[int, int] = field(default_factory=dict)
+    is_late: bool = False
     _learned: int = 0
 
-    def learn(self, opcode: int, content: bytes) -> None:
+    def learn(self, opcode: int, content: bytes, offset: int = 0) -> None:
         """Register a schema or a channel. Raises ValueError if it is malformed or if the total exceeds the limit."""
         if opcode == Opcode.SCHEMA:
             schema = parse_fields(content, Schema.read)
+            self._declare(('schema', schema.id), offset)
             self._count(content, schema, self.schemas.setdefault(schema.id, schema))
         elif opcode == Opcode.CHANNEL:
             channel = parse_fields(content, Channel.read)
+            self._declare(('channel', channel.id), offset)
             self._count(content, channel, self.channels.setdefault(channel.id, channel))
+
+    def _declare(self, what: tuple[str, int], offset: int) -> None:
+        # Not the first one learned: a scan learns those of the summary before those in chunks.
+        self.declared[what] = min(offset, self.declared.get(what, offset))
 
     def _count(self, content: bytes, found: Schema | Channel, known: Schema | Channel) -> None:
         if found is known:
@@ -424,6 +441,18 @@ class Index:
                 raise ValueError(f'its schemas and channels exceed the limit of {SUMMARY_BYTES} bytes')
         elif found != known:
             raise ValueError(f'it declares {type(found).__name__.lower()} {found.id} twice, with different contents')
+
+    @property
+    def lacking(self) -> list[str]:
+        """A line for each schema or channel that is not declared before its use; other readers stop there."""
+        lines = [f'channel {number} has the schema {channel.schema_id}, which is not declared before it'
+                 for number, channel in self.channels.items() if channel.schema_id and not (
+                     self._at('schema', channel.schema_id) <= self._at('channel', number))]
+        return lines + [f'a message on channel {number} precedes the declaration of the channel'
+                        for number, offset in self.used.items() if offset < self._at('channel', number) < inf]
+
+    def _at(self, kind: str, number: int) -> float:
+        return self.declared.get((kind, number), inf)
 
     def fault(self, error: BagError) -> None:
         """Count an unreadable record."""
@@ -440,6 +469,9 @@ class Index:
         for record in batch.inside(data):
             if isinstance(record, StoredMessage):
                 self.counts[record.channel] += 1
+                if record.channel not in self.used:
+                    known = ('channel', record.channel) in self.declared
+                    self.used[record.channel] = batch.place.offset if known else -1
                 yield record, data
             else:
                 self.learn_inside(batch, record, data)
@@ -447,7 +479,7 @@ class Index:
     def learn_inside(self, batch: MessageBatch, record: OtherRecord, data: bytes) -> None:
         """Register a schema or a channel in a chunk. Raises BagError."""
         try:
-            self.learn(record.opcode, data[record.start:record.end])
+            self.learn(record.opcode, data[record.start:record.end], batch.place.offset)
         except ValueError as error:
             raise batch.file.fault(batch.place.offset, f'a chunk: its record at {record.start}: {error}') from None
 
@@ -520,6 +552,8 @@ def scanned_index(file: McapFile, progress: Callable[[int], object] = lambda off
     try:
         for place in file.places(len(MAGIC)):
             progress(place.end)
+            if place.offset == len(MAGIC) and place.opcode != Opcode.HEADER:
+                scan.index.fault(file.fault(place.offset, f'a record with opcode {place.opcode} instead of the header'))
             if not scan.take(place):
                 break
     except BagError as error:
@@ -592,7 +626,7 @@ class _Scan:
         elif place.opcode == Opcode.MESSAGE_INDEX:
             self._number(place)
         elif place.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-            index.file.fields(place, lambda fields: index.learn(place.opcode, fields.read(place.length)))
+            index.file.fields(place, lambda fields: index.learn(place.opcode, fields.read(place.length), place.offset))
         elif place.opcode == Opcode.METADATA:
             index.metadata.append(place)
         elif place.opcode == Opcode.ATTACHMENT:
@@ -611,6 +645,7 @@ class _Scan:
         self._numbered += size // _INDEX_ENTRY
         self.index.numbered[channel] += size // _INDEX_ENTRY
         self.index.indexes[channel] += 1
+        self.index.is_late |= ('channel', channel) not in self.index.declared
 
     def _grow(self, place: Location) -> None:
         """Add a message to the current batch, or end that batch and start another."""
@@ -646,7 +681,7 @@ def is_indexed(scanned: Index, summary: Index) -> bool:
             and (said.message_count, said.channel_count) == (counts.total(), len(channels))
             and +scanned.numbered == counts and scanned.indexes == summary.indexes
             and set(counts) <= set(channels) == set(summary.channels)
-            and all(channel.schema_id == 0 or channel.schema_id in scanned.schemas for channel in channels.values()))
+            and not (scanned.is_late or scanned.lacking or summary.lacking))
 
 
 def _chunks(index: Index) -> list[tuple[Location, int, int]]:

@@ -194,6 +194,8 @@ def _index_of(file: McapFile) -> Index:
             index.counts.update(summary.counts)
         else:
             _survey(index)
+        if index.lacking:
+            raise BagError(f'{file.path}: is damaged: {index.lacking[0]}')
         return index
     except BagError as error:
         readable = (scanned_index(file) if index is None else index).batches

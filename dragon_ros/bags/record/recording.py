@@ -22,6 +22,7 @@ from dragon_ros.messages.decode import MessageError, read_health, read_string, s
 from dragon_ros.messages.skipping import FROM_FILL, TickSkipper
 from dragon_ros.scenes import provenance
 
+_NUMBERS = 2**32    # bags store sequence numbers in 32 bits
 _IDLE_S = 0.25      # maximum time that messages without a stamp wait for the next handles
 _MOST_UNACCOUNTED = 100_000     # limit on messages that await a scene; above it, the recorder waits until it is read
 HEALTH = '/diagnostics'
@@ -167,7 +168,8 @@ class Recording:
         fill = self.writer.fill
         patient = topic in self._latched or (fill > FROM_FILL and self._publisher_waits())
         if kept := patient or self._keeps(topic, t_ns, fill):
-            self.writer.write(topic, data, t_ns, sequence, source_ns, patient)
+            # A publisher may send no source time, which Fast DDS reports as a negative one.
+            self.writer.write(topic, data, t_ns, sequence % _NUMBERS, source_ns if source_ns >= 0 else t_ns, patient)
         if not self._scenes.busy:
             self.losses.note(topic, t_ns, sequence, kept)
             return

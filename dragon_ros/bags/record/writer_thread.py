@@ -6,7 +6,6 @@ from collections.abc import Callable
 from functools import partial
 
 from dragon_ros.bags.write.writer import MB, BagWriter
-from dragon_ros.core.errors import DragonError
 
 _AT_ONCE_BYTES = 500_000        # queued bytes that wake the thread, since a wake-up costs as much as several writes
 _Job = tuple[int, Callable[[], object]]      # size in bytes, and the write
@@ -16,7 +15,7 @@ class WriterThread:
     """Accepts messages immediately and writes them in order; the file is flushed every ``flush_s`` seconds.
 
     All messages come from one thread. If the queue is full, a ``patient`` write waits, and the wait is counted; nothing
-    is dropped here. After a disk error, which is stored in ``error``, nothing more is written.
+    is dropped here. After an error, which is stored in ``error``, nothing more is written.
     """
 
     def __init__(self, bag: BagWriter, flush_s: float = 1.0, queue_mb: float = 256.0) -> None:
@@ -30,7 +29,7 @@ class WriterThread:
         self._due = False       # whether to write before the next flush
         self._changed = threading.Condition()
         self._closing = False
-        self.error: DragonError | None = None
+        self.error: Exception | None = None
         self.fullest_bytes = self.waits = 0
         self.waited_s = self.slowest_write_s = 0.0
         self._thread = threading.Thread(target=self._work, name='bag')
@@ -114,6 +113,6 @@ class WriterThread:
         start = time.monotonic()
         try:
             write()
-        except DragonError as error:
+        except Exception as error:  # noqa: BLE001 - any error must end the recording, and not this thread alone
             self.error = error
         self.slowest_write_s = max(self.slowest_write_s, time.monotonic() - start)

@@ -19,7 +19,7 @@ class BagFolder:
 
     def __init__(self, path: Path, replace: bool) -> None:
         """Create and lock the folder; replacing a folder removes only its bag files. Raises MissingError."""
-        self.path, self._new = path, path / f'{_METADATA}.new'
+        self.path, self._new, self._is_new = path, path / f'{_METADATA}.new', not path.exists()
         parts = sorted(path.glob(f'{Path(os.path.realpath(path)).name}_*.mcap'))
         replace = replace or (bool(parts) and all(map(holds_no_message, parts)))
         try:
@@ -60,6 +60,14 @@ class BagFolder:
                 self._new.unlink(missing_ok=True)
             raise self._fault(f'{self.path / _METADATA}: cannot be written: {error.strerror}; `inspect` can read '
                               'the .mcap files without it') from None
+
+    def abandon(self) -> None:
+        """Remove a folder that was created in vain, so that nothing prevents another attempt."""
+        with suppress(OSError):
+            self._new.unlink(missing_ok=True)
+            if self._is_new:
+                self.path.rmdir()
+        self.close()
 
     def close(self) -> None:
         """Unlock the folder."""

@@ -194,14 +194,15 @@ class OpenChunk:
     def add(self, channel: int, data: bytes, t_ns: int, sequence: int, publish_ns: int) -> None:
         """Append one message."""
         start, first = self.size, self.size + _MESSAGE.size
-        self.size = first + len(data)
-        if self.size > len(self._buffer):
-            larger = _memory(2 * self.size)
+        end = first + len(data)
+        if end > len(self._buffer):
+            larger = _memory(2 * end)
             larger[:start] = self._buffer[:start]
             self._buffer = larger
-        self.index[channel].append((t_ns, start))
         _MESSAGE.pack_into(self._buffer, start, Opcode.MESSAGE, 22 + len(data), channel, sequence, t_ns, publish_ns)
-        self._buffer[first:self.size] = data
+        self._buffer[first:end] = data
+        self.index[channel].append((t_ns, start))
+        self.size = end
 
     def takes(self, size: int) -> bool:
         """Return whether a message of this size fits; readers would reject a larger chunk."""

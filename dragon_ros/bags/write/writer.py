@@ -111,7 +111,8 @@ class BagWriter:
         try:
             self._file = self._new_file()
         except BaseException:
-            self._leave_folder()
+            if self._folder is not None:
+                self._folder.abandon()
             raise
 
     def add_channel(self, topic: str, channel: Channel) -> None:
