@@ -1,10 +1,7 @@
 """Assign workbooks to teams, and grade all teams on all cores."""
 import re
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
-from multiprocessing import get_context
-from os import cpu_count
+from contextlib import closing
 from pathlib import Path
 from threading import Event
 
@@ -12,7 +9,7 @@ import dragon_ros as dr
 from dragon_contest.grade.reading import CSV_SUFFIXES
 from dragon_contest.grade.team import Problem, Team, TeamGrade, grade_team, named_result
 from dragon_contest.limits import GRADED_BOOKS
-from dragon_ros.cli.signals import interrupts_blocked
+from dragon_ros.cli.pool import Pool, WorkerKilledError, workers_of
 
 _BOOKS = ('.xlsx', '.xlsm', '.xls', '.xlsb', '.xltx')
 _ANSWERS = ('.yaml', '.yml')
@@ -20,7 +17,6 @@ _RESULT = re.compile(r'[\s_\-]*(?:result|结果|附件|res)[\s_\-]*0?[124](?!\d)
 _QUANTITY = re.compile(r'[\s_\-]*(?:positions?|speeds?|velocit(?:y|ies)|位置|坐标|速度)[\s_\-]*', re.IGNORECASE)
 _MOST_FOLDERS = 100_000
 _MOST_NAMES = 5         # largest number of names that say what a folder without results contains
-_AT_ONCE_S = 0.2        # interval (s) between checks for a signal to stop
 _ALONE = 2              # for at most this many teams, starting processes would take longer than grading
 
 
@@ -126,45 +122,34 @@ def grade_all(teams: list[Team], stop: Event, done: Callable[[], object],
               ) -> tuple[list[TeamGrade], bool]:
     """Return the teams' grades in order, and whether they are complete; ``done()`` is called after each team.
 
-    When a signal sets ``stop``, unfinished grades are abandoned, and finished grades are kept.
+    When a signal sets ``stop``, the remaining teams are not graded. If a workbook crashes a process, each remaining
+    team is graded in a process of its own.
     """
-    grades: dict[int, TeamGrade] = {}
-    if len(teams) <= _ALONE:
-        for n, team in enumerate(teams):
+    grades = list[TeamGrade]()
+    try:
+        with closing(Pool(1 if len(teams) <= _ALONE else _workers()).in_order(grade_team, teams)) as results:
+            for grade in results:
+                grades.append(grade)
+                done()
+                if stop.is_set():
+                    break
+    except WorkerKilledError:
+        for team in teams[len(grades):]:
             if stop.is_set():
                 break
-            grades[n] = grade_team(team)
+            grades.append(_graded_apart(team))
             done()
-    else:
-        _in_processes(teams, grades, stop, done)
-    return [grades[n] for n in sorted(grades)], len(grades) == len(teams)
+    return grades, len(grades) == len(teams)
 
 
-def _in_processes(teams: list[Team], grades: dict[int, TeamGrade], stop: Event, done: Callable[[], object]) -> None:
-    """Grade teams on all cores; if a workbook crashes a process, retry each remaining team in its own process."""
-    workers = min(len(teams), cpu_count() or 1)
-    if _run(teams, list(range(len(teams))), workers, grades, stop, done):
-        return
-    for n in range(len(teams)):
-        if n not in grades and not stop.is_set() and not _run(teams, [n], 1, grades, stop, done):
-            grades[n] = TeamGrade(teams[n].name, tuple(path.name for path in teams[n].files), (), (), (),
-                                  (Problem('', 'crashed', {}),))
-            done()
+def _workers() -> int:
+    """Return the number of processes; this process cannot survive a crash, so it grades no team."""
+    return max(2, workers_of(None))
 
 
-def _run(teams: list[Team], numbers: list[int], workers: int, grades: dict[int, TeamGrade], stop: Event,
-         done: Callable[[], object]) -> bool:
-    """Grade teams in processes; return False if a process has died."""
-    with ProcessPoolExecutor(workers, get_context('spawn')) as pool:
-        with interrupts_blocked():      # the first jobs start the processes
-            waiting: dict[Future[TeamGrade], int] = {pool.submit(grade_team, teams[n]): n for n in numbers}
-        while waiting and not stop.is_set():
-            for future in wait(waiting, _AT_ONCE_S, FIRST_COMPLETED).done:
-                try:
-                    grades[waiting[future]] = future.result()
-                except BrokenProcessPool:
-                    return False
-                del waiting[future]
-                done()
-        pool.shutdown(wait=True, cancel_futures=True)
-    return True
+def _graded_apart(team: Team) -> TeamGrade:
+    """Return the grade of a team whose workbooks may crash a process."""
+    try:
+        return next(Pool(_workers()).in_order(grade_team, [team]))
+    except WorkerKilledError:
+        return TeamGrade(team.name, tuple(path.name for path in team.files), (), (), (), (Problem('', 'crashed', {}),))
