@@ -154,21 +154,13 @@ def box_pairs(benches: Benches, reach_m: float = 0.0) -> tuple[Ints, Ints]:
     The boxes are searched with shapely's STRtree. Pairs with |i - j| = 2 or 3 are always included. Raises CrowdError if
     there would be too many pairs.
     """
-    return swept_pairs(benches.corners[None], reach_m)
-
-
-def swept_pairs(corners: Floats, reach_m: float) -> tuple[Ints, Ints]:
-    """Return every pair whose boxes, each enclosing all ``corners`` (M, N, 4, 2) of a bench, come within ``reach_m``.
-
-    The gaps of all other pairs exceed ``reach_m`` at each of the M states. In all other respects, this function
-    behaves like ``box_pairs``.
-    """
-    (found,) = pairs_on_steps(corners.min(axis=(0, 2))[None], corners.max(axis=(0, 2))[None], np.array([reach_m]))
+    corners = benches.corners
+    (found,) = pairs_on_steps(corners.min(axis=1)[None], corners.max(axis=1)[None], np.array([reach_m]))
     return found
 
 
 def pairs_on_steps(low: Floats, high: Floats, reach_m: Floats) -> Iterator[tuple[Ints, Ints]]:
-    """Yield, for each of M steps, the pairs whose boxes come within ``reach_m`` (M,), as in ``swept_pairs``.
+    """Yield, for each of M steps, the pairs whose boxes come within ``reach_m`` (M,), as in ``box_pairs``.
 
     ``low`` and ``high`` (M, N, 2) are the corners of the boxes. The boxes of several steps are queried together, unless
     this would yield too many pairs.

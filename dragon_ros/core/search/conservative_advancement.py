@@ -38,9 +38,9 @@ from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.geometry.signed_distance import gaps, parted_between, placement, rounding_m
 from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
 from dragon_ros.core.search.certificate import Interval
-from dragon_ros.core.search.driver import Judgement, clear, counted, parts_for
+from dragon_ros.core.search.driver import Bracket, Judgement, clear, counted, parts_for
 from dragon_ros.core.search.repeats import Repeats
-from dragon_ros.core.search.search_domain import Bracket, SearchDomain
+from dragon_ros.core.search.search_domain import SearchDomain
 from dragon_ros.core.tracks.segments import BEHIND
 
 # The spacing of the first states, relative to the longest bench; with a larger spacing, pairs two benches apart could
@@ -127,7 +127,7 @@ class ChainIntervals:
         self._count: Ints = np.empty(0, dtype=np.int64)
         self._others_m: Floats = np.empty(0)                # bounds on the gaps of the pairs outside each group
 
-    def sample(self, places: Floats, _: Ints | None = None) -> ChainSamples:
+    def sample(self, places: Floats) -> ChainSamples:
         """Return the samples at leader positions."""
         at_once = max(1, _AT_ONCE // self._domain.dragon.benches)
         return self.joined([self._sample(places[n:n + at_once]) for n in range(0, places.size, at_once)])
@@ -158,7 +158,7 @@ class ChainIntervals:
             out[:, bench] = np.where(on_spiral, self._layers.gaps_m(inner, bench), -np.inf)
         return out
 
-    def begin(self, samples: ChainSamples, pairs: Ints, _: Ints) -> None:
+    def begin(self, samples: ChainSamples, pairs: Ints) -> None:
         """Find the pairs that come close to each other on each root."""
         self.forget()
         a, b = (samples.rows(rows) for rows in pairs)
@@ -289,10 +289,6 @@ class ChainIntervals:
         benches = Benches(samples.centre.reshape(-1, 2), samples.axis.reshape(-1, 2), half_length, half_width)
         return benches, row * count + i, row * count + j
 
-    def lengths_m(self, start: Floats, stop: Floats) -> Floats:
-        """Return how far the leader moves on each interval."""
-        return np.abs(stop - start)
-
 
 def _slices(size: int, most: int) -> Iterator[slice]:
     """Yield slices of at most ``most`` items."""
@@ -378,7 +374,7 @@ class WholeChain:
             end_m = stop_m if count == left else here_m + count / left * (stop_m - here_m)
             cleared = clear(self._space, [np.linspace(here_m, end_m, count + 1)], finest_m)[0]
             self._rows += cleared.rows
-            self._hit = Bracket(*cleared.hit) if cleared.hit else None
+            self._hit = cleared.hit
             finer = min(max(_PARTS_OF_ROOT * count / max(1, len(cleared.rows)), _FINER), 1 / _FINER)
             spacing_m = min(max(spacing_m * finer, _LEAST_SPACING * self._spacing_m), self._spacing_m)
             here_m, size = end_m, min(2 * size, most)

@@ -15,7 +15,7 @@ therefore takes at most log2(L / finest) rounds. Adjacent intervals share the sa
 states is expensive.
 """
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, TypeVar
+from typing import Any, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -120,19 +120,6 @@ class Boxes:
         return Boxes(low, high)
 
 
-class Samples(Protocol):
-    """States at M positions of a domain."""
-
-    @property
-    def places(self) -> Floats:
-        """The positions (M,)."""
-        ...
-
-    def rows(self, index: Ints) -> Any:
-        """Return a subset of the samples."""
-        ...
-
-
 @dataclass(frozen=True)
 class Judgement:
     """The judgement of M intervals: lower bounds on gaps, contacts at both ends (2, M), and numbers of parts.
@@ -150,8 +137,7 @@ class Judgement:
 class Space(Protocol):
     """A search space, which samples positions and bounds gaps over the intervals between them.
 
-    The first intervals are the roots: each root is its own group, and every other interval is part of a root. Windows
-    are identified by their index in the list passed to ``clear``.
+    The first intervals are the roots: each root is its own group, and every other interval is part of a root.
     """
 
     @property
@@ -159,37 +145,41 @@ class Space(Protocol):
         """The position error, which a bound must exceed."""
         ...
 
-    def sample(self, places: Floats, window: Ints) -> Any:
-        """Return the samples at positions (M,) of windows (M,)."""
+    def sample(self, places: Floats) -> Any:
+        """Return the samples at positions (M,)."""
         ...
 
     def joined(self, parts: list[Any]) -> Any:
         """Concatenate samples."""
         ...
 
-    def begin(self, samples: Any, pairs: Ints, window: Ints) -> None:
-        """Receive the roots as ``pairs`` (2, R) of sample indices, with the indices (R,) of their windows."""
+    def begin(self, samples: Any, pairs: Ints) -> None:
+        """Receive the roots as ``pairs`` (2, R) of sample indices."""
         ...
 
     def judge(self, a: Any, b: Any, group: Ints) -> Judgement:
         """Judge the intervals from samples a to b; each group is the index of a root or from an earlier judgement."""
         ...
 
-    def lengths_m(self, start: Floats, stop: Floats) -> Floats:
-        """Return the lengths of intervals in metres, or upper bounds on them."""
-        ...
+
+class Bracket(NamedTuple):
+    """The position where the clear part ends, another position, and a lower bound on the gaps in between."""
+
+    clear_m: float
+    other_m: float
+    bound_m: float = -np.inf
 
 
 @dataclass(frozen=True)
 class Cleared:
     """The cleared part of a window, from its start, as rows (start, stop, bound).
 
-    ``hit`` brackets the first position that is not clear, as (cleared end, other end, bound); it is None if the whole
-    window is clear. ``touching`` is True if benches touch at the other end.
+    ``hit`` brackets the first position that is not clear; it is None if the whole window is clear. ``touching`` is True
+    if benches touch at its other end.
     """
 
     rows: list[tuple[float, float, float]]
-    hit: tuple[float, float, float] | None
+    hit: Bracket | None
     touching: bool
 
 
@@ -209,23 +199,20 @@ def clear(space: Space, windows: list[Floats], finest_m: tuple[float, ...]) -> l
     for finest in finest_m:
         if not left:
             break
-        for n, more in _cleared(space, left, finest).items():
+        search = _Clearing(space, left, finest)
+        run(search, search.roots)
+        for n in left:
+            more = search.result(n)
             out[n] = Cleared([*out[n].rows, *more.rows], more.hit, more.touching)
         left = {n: _after(window, out[n].hit) for n, window in left.items() if out[n].hit and not out[n].touching}
     return out
 
 
-def _after(window: Floats, hit: tuple[float, float, float] | None) -> Floats:
+def _after(window: Floats, hit: Bracket | None) -> Floats:
     """Return the rest of a window after a hit."""
     assert hit
     sign = 1.0 if window[-1] > window[0] else -1.0
-    return np.concatenate(([hit[0]], window[sign * window > sign * hit[0]]))
-
-
-def _cleared(space: Space, windows: dict[int, Floats], finest_m: float) -> dict[int, Cleared]:
-    search = _Clearing(space, windows, finest_m)
-    run(search, search.roots)
-    return {number: search.result(number) for number in windows}
+    return np.concatenate(([hit.clear_m], window[sign * window > sign * hit.clear_m]))
 
 
 @dataclass(frozen=True)
@@ -262,9 +249,9 @@ class _Clearing:
         self._limit: Floats = np.full(size, np.inf)      # progress at the first position that cannot be cleared
         self._done: list[tuple[Floats, Ints]] = []
         self._stuck: list[tuple[Floats, Ints]] = []
-        samples, first = space.sample(np.concatenate([*windows.values()]), of), np.flatnonzero(np.diff(of) == 0)
+        samples, first = space.sample(np.concatenate([*windows.values()])), np.flatnonzero(np.diff(of) == 0)
         pairs = np.stack((first, first + 1))
-        space.begin(samples, pairs, of[first])
+        space.begin(samples, pairs)
         self.roots = _Intervals(samples, pairs, of[first], np.arange(first.size))
 
     def ahead(self, batch: _Intervals) -> Bools:
@@ -287,7 +274,7 @@ class _Clearing:
             touching = judged.touching[end]
             np.minimum.at(self._touch, batch.window[touching], progress[end, touching])
         good = judged.bound_m > space.tolerance_m
-        short = (space.lengths_m(*places) <= self._finest_m) | ~_between(*places)
+        short = (np.abs(places[1] - places[0]) <= self._finest_m) | ~_between(*places)
         fine = ~good & short
         np.minimum.at(self._limit, batch.window[fine], progress[0, fine])
         np.minimum(self._limit, self._touch, out=self._limit)
@@ -304,7 +291,7 @@ class _Clearing:
         share = nth / parts[of]
         places = np.where(parts[of] == 2, 0.5 * (start + stop)[of], start[of] + share * (stop - start)[of])
         new = batch.samples.places.size + np.arange(of.size)
-        samples = self._space.joined([batch.samples, self._space.sample(places, batch.window[of])])
+        samples = self._space.joined([batch.samples, self._space.sample(places)])
         # Order the rows of each interval: start, new rows, stop.
         fronts, owner = np.empty(of.size + count, dtype=np.int64), np.repeat(np.arange(count), parts)
         heads = np.cumsum(parts) - parts
@@ -324,8 +311,7 @@ class _Clearing:
         if end == np.inf:
             return Cleared(kept, None, False)
         start, stop, bound = stuck[0] if stuck else (float(sign * touch), float(sign * touch), -np.inf)
-        hit = start, stop, bound
-        return Cleared(kept, hit, bool(sign * hit[1] >= touch))
+        return Cleared(kept, Bracket(start, stop, bound), bool(sign * stop >= touch))
 
     def _rows(self, parts: list[tuple[Floats, Ints]], number: int) -> list[list[float]]:
         """Return a window's rows in order."""

@@ -23,7 +23,8 @@ from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.certificate import Certificate, Contact, NoContact
 from dragon_ros.core.search.conservative_advancement import WholeChain
-from dragon_ros.core.search.search_domain import Bracket, Pair, RangeOfTravel, SearchDomain
+from dragon_ros.core.search.driver import Bracket
+from dragon_ros.core.search.search_domain import Pair, RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.segments import BEHIND
 
 _CLOSER = 0.8           # clearing stops this fraction of a slack before a touch, to allow for the rounding of its time

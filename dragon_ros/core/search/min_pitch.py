@@ -22,9 +22,10 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.driver import Bracket
 from dragon_ros.core.search.first_contact import ContactSearch, gap_at, touch_in
 from dragon_ros.core.search.near_misses import lowest
-from dragon_ros.core.search.search_domain import Bracket, Pair, RangeOfTravel, SearchDomain
+from dragon_ros.core.search.search_domain import Pair, RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve
 

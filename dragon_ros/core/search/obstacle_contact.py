@@ -16,9 +16,9 @@ import numpy as np
 
 from dragon_ros.core.numerics.types import Floats, Ints, distinct
 from dragon_ros.core.search.bounding_box import BenchStates, SweptBench, by_length, turning_m
-from dragon_ros.core.search.driver import Judgement, clear
+from dragon_ros.core.search.driver import Bracket, Judgement, clear
 from dragon_ros.core.search.obstacle_bounds import ObstacleBounds, corners_of
-from dragon_ros.core.search.search_domain import Bracket, SearchDomain
+from dragon_ros.core.search.search_domain import SearchDomain
 
 _SPACING = 0.5          # spacing of the first positions, relative to the longest bench
 _MOST_PLACES = 50_000   # maximum number of first positions per window, to save memory
@@ -48,7 +48,7 @@ class _SweptIntervals:
                  count: Callable[[int], None]) -> None:
         self.tolerance_m, self._bounds, self._longest_m, self._count = tolerance_m, bounds, longest_m, count
 
-    def sample(self, places: Floats, _: Ints) -> _Samples:
+    def sample(self, places: Floats) -> _Samples:
         """Return the samples at the given positions."""
         self._count(places.size)
         return _Samples(places, self._bounds.bench.states(places))
@@ -57,7 +57,7 @@ class _SweptIntervals:
         """Concatenate samples."""
         return _Samples(np.concatenate([part.places for part in parts]), _joined([part.states for part in parts]))
 
-    def begin(self, samples: _Samples, pairs: Ints, window: Ints) -> None:
+    def begin(self, samples: _Samples, pairs: Ints) -> None:
         """Ignore the roots, because the edges near a bench are searched for in each interval."""
 
     def judge(self, a: _Samples, b: _Samples, group: Ints) -> Judgement:
@@ -83,10 +83,6 @@ class _SweptIntervals:
         ends = [op(part, axis=1) for op in (np.min, np.max) for part in (corners.real, corners.imag)]
         low, high = np.stack(ends[:2], axis=1) - reach_m[:, None], np.stack(ends[2:], axis=1) + reach_m[:, None]
         return self._bounds.around.in_boxes(low, high)
-
-    def lengths_m(self, start: Floats, stop: Floats) -> Floats:
-        """Return the motion of the front handle on each interval."""
-        return np.abs(stop - start)
 
 
 def _joined(parts: list[Any]) -> Any:
@@ -150,7 +146,7 @@ class Obstacles:
         hits = [(window.bench, one.hit) for window, one in zip(windows, cleared, strict=True) if one.hit]
         return self._earliest(hits, phase)
 
-    def _earliest(self, hits: list[tuple[int, tuple[float, float, float]]], phase: tuple[float, float]
+    def _earliest(self, hits: list[tuple[int, Bracket]], phase: tuple[float, float]
                   ) -> Bracket | None:
         """Return the bracket that the leader reaches first, given the hits of front handles."""
         domain, first = self._domain, None
@@ -160,7 +156,7 @@ class Obstacles:
             if first is None or domain.sense * two < domain.sense * first.other_m:
                 first = Bracket(one, two, bound_m)
             here, there = domain.along_m(phase[0]), domain.along_m(first.other_m)
-            hits = [(b, hit) for b, hit in hits[1:] if abs(hit[1] - here[b]) < abs(there[b] - here[b])]
+            hits = [(b, hit) for b, hit in hits[1:] if abs(hit.other_m - here[b]) < abs(there[b] - here[b])]
         return first
 
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from math import inf
-from typing import TYPE_CHECKING, NamedTuple, Optional
+from typing import TYPE_CHECKING, Optional
 
 import numpy as np
 
@@ -118,14 +118,6 @@ class RangeOfTravel:
 
 
 Pair = tuple[int, int]
-
-
-class Bracket(NamedTuple):
-    """The leader position where the clear part ends, another position, and a lower bound on the gaps in between."""
-
-    clear_m: float
-    other_m: float
-    bound_m: float = -inf
 
 
 class SearchDomain:

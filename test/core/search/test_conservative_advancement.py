@@ -284,7 +284,7 @@ def test_on_a_circle_nothing_moves_as_benches_see_each_other(lead):
 def motions_of(domain, travel_m, further_m, count=40):
     """Return the bounds on the travel of benches on an interval, and the sampled travel of their farthest corners."""
     intervals = conservative_advancement.ChainIntervals(domain)
-    samples = intervals.sample(np.array([travel_m, travel_m + further_m]), np.zeros(2, dtype=np.int64))
+    samples = intervals.sample(np.array([travel_m, travel_m + further_m]))
     places_m = np.linspace(travel_m, travel_m + further_m, count)
     corners = np.stack([domain.benches(place_m).corners for place_m in places_m])
     most = intervals._moved(samples.rows(np.array([0])), samples.rows(np.array([1])))[0]
@@ -335,7 +335,7 @@ def test_bounds_between_states_leave_room_for_how_corners_leave_lines_and_for_ha
     domain, step = domain_of(Dragon(12), track, 'head'), 1e-3
     i, j = np.triu_indices(12, 2)
     space, row = conservative_advancement.ChainIntervals(domain), np.zeros_like(i)
-    ends = [space.sample(np.array([travel_m + k * step]), row[:1]) for k in (-1, 1)]
+    ends = [space.sample(np.array([travel_m + k * step])) for k in (-1, 1)]
     bound_m, _ = space._by_acceleration(*ends, row, i, j)
     before, here, after = (seen(domain, travel_m + k * step, i, j) for k in (-1, 0, 1))
     sag_m = np.max(np.hypot(*(0.5 * (before + after) - here)), axis=-1)

@@ -21,6 +21,7 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.bounding_box import SweptBench, by_length
 from dragon_ros.core.search.certificate import Contact, NoContact
+from dragon_ros.core.search.driver import Bracket
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
 from dragon_ros.core.search.obstacle_contact import Obstacles, _SweptIntervals, windows_of
@@ -182,7 +183,7 @@ def test_a_move_of_corners_of_up_to_six_benches_is_bounded_and_a_longer_one_is_c
     space = _SweptIntervals(bounds, 1e-9, longest_m, lambda _: None)
 
     def moved(further_m):
-        samples = space.sample(np.array([10.0, 10.0 + further_m]), np.zeros(2, dtype=np.int64))
+        samples = space.sample(np.array([10.0, 10.0 + further_m]))
         return [samples.rows(np.array([n])) for n in (0, 1)]
 
     lever = float(np.max(bounds.motions_m(*(each.states for each in moved(1.0)))))
@@ -243,7 +244,7 @@ def test_of_the_hits_of_benches_the_one_that_the_leader_reaches_first_counts_and
         return (place_m - 10.0 * bench) / speeds[bench]
     domain = SimpleNamespace(sense=sense, along_m=along_m, travel_at=travel_at)
     gone = {0: (2.0, 2.1), 1: (1.0, 1.1), 2: (1.05, 1.3), 3: (0.5, 1.2)}       # leader positions of each hit
-    hits = [(n, (*(10.0 * n + sense * speeds[n] * one for one in ends), -0.1 * n)) for n, ends in gone.items()]
+    hits = [(n, Bracket(*(10.0 * n + sense * speeds[n] * one for one in ends), -0.1 * n)) for n, ends in gone.items()]
     found = Obstacles._earliest(SimpleNamespace(_domain=domain), hits, (0.0, sense * 5.0))
     assert (found.clear_m, found.other_m, found.bound_m) == pytest.approx((sense * 1.0, sense * 1.1, -0.1))
     assert solved == [0, 0, 1, 1]

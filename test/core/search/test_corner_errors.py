@@ -44,9 +44,9 @@ def test_an_interval_counts_as_clear_only_above_the_error_of_a_gap_at_both_its_e
     space = ChainIntervals(domain)
     assert space.tolerance_m == domain.tolerance_m == 2 * domain.gap_error_m
     samples = space.sample(np.array([1.0, 1.0 + step_m]))
-    space.begin(samples, np.array([[0], [1]]), group)
+    space.begin(samples, np.array([[0], [1]]))
     bound_m = space.judge(samples.rows([0]), samples.rows([1]), group).bound_m[0]
     assert bound_m > space.tolerance_m
     space.tolerance_m = bound_m         # pairs are examined further as long as their bounds are below the tolerance
-    space.begin(samples, np.array([[0], [1]]), group)
+    space.begin(samples, np.array([[0], [1]]))
     assert space.judge(samples.rows([0]), samples.rows([1]), group).bound_m[0] >= bound_m

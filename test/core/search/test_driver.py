@@ -16,57 +16,56 @@ TOLERANCE_M = 0.01
 
 @dataclass(frozen=True)
 class Places:
-    """Samples that consist of positions, gaps and windows."""
+    """Samples that consist of positions and gaps."""
 
     places: np.ndarray
     gap_m: np.ndarray
-    window: np.ndarray
 
     def rows(self, index):
-        return Places(self.places[index], self.gap_m[index], self.window[index])
+        return Places(self.places[index], self.gap_m[index])
+
+
+APART_M = 128.0     # distance between windows
 
 
 class Valleys:
-    """A space in which the gap of window n is the smallest of a few valleys ``depth + slope |x - bottom|``."""
+    """A space in which the gap of window n is the smallest of a few valleys ``depth + slope |x - bottom|``.
+
+    The positions of window n are within half of ``APART_M`` of n ``APART_M``.
+    """
 
     tolerance_m = TOLERANCE_M
 
     def __init__(self, valleys, steepest=3.0):
         self.valleys, self.steepest, self.seen, self.roots = valleys, steepest, [], None
 
-    def gap_m(self, x, window):
-        return np.array([min(depth + slope * abs(one - bottom) for bottom, depth, slope in self.valleys[n])
-                         for one, n in zip(np.ravel(x), np.ravel(window), strict=True)])
+    def gap_m(self, places):
+        return np.array([min(depth + slope * abs(x - bottom) for bottom, depth, slope in self.valleys[
+            round(x / APART_M)]) for x in np.ravel(places).tolist()])
 
-    def sample(self, places, window):
-        self.seen += [*zip(window.tolist(), places.tolist(), strict=True)]
-        return Places(places, self.gap_m(places, window), window)
+    def sample(self, places):
+        self.seen += places.tolist()
+        return Places(places, self.gap_m(places))
 
     def joined(self, parts):
-        rows = [(part.places, part.gap_m, part.window) for part in parts]
+        rows = [(part.places, part.gap_m) for part in parts]
         return Places(*(np.concatenate(one) for one in zip(*rows, strict=True)))
 
-    def begin(self, samples, pairs, window):
-        assert np.array_equal(samples.window[pairs], np.stack((window, window)))
-        self.roots = [samples.places[row] for row in pairs], window
+    def begin(self, samples, pairs):
+        self.roots = [samples.places[row] for row in pairs]
 
     def judge(self, a, b, group):
         """Bound the gap by the steepest slope, rounded downwards.
 
         Check that each interval is part of the root interval of its group.
         """
-        (low, high), window = self.roots
-        assert np.array_equal(a.window, window[group])
-        assert np.array_equal(b.window, window[group])
+        low, high = self.roots
         for one in (a.places, b.places):
             assert np.all((one - low[group]) * (one - high[group]) <= 0)
         length = np.abs(b.places - a.places)
         bound = 0.5 * (a.gap_m + b.gap_m - self.steepest * length) - 1e-13
         room = np.minimum(a.gap_m, b.gap_m) / (self.steepest * np.maximum(length, 1e-300))
         return Judgement(bound, np.stack((a.gap_m <= 0, b.gap_m <= 0)), parts_for(room), group)
-
-    def lengths_m(self, start, stop):
-        return np.abs(stop - start)
 
 
 def first_stop(space, window, n):
@@ -89,8 +88,9 @@ WINDOW = st.tuples(ENDS, st.booleans(), st.lists(VALLEY, min_size=1, max_size=3)
 
 
 def cleared(drawn, finest):
-    windows = [np.array(places[::-1] if back else places) for places, back, _ in drawn]
-    space = Valleys([valleys for _, _, valleys in drawn])
+    windows = [n * APART_M + np.array(places[::-1] if back else places) for n, (places, back, _) in enumerate(drawn)]
+    space = Valleys([[(n * APART_M + bottom, depth, slope) for bottom, depth, slope in valleys]
+                     for n, (_, _, valleys) in enumerate(drawn)])
     return space, windows, clear(space, windows, finest)
 
 
@@ -101,13 +101,13 @@ def check_rows(space, windows, found):
         for start, stop, bound in one.rows:
             assert start == at
             x = np.linspace(start, stop, 9)
-            assert TOLERANCE_M < bound <= np.min(space.gap_m(x, np.full(9, n))) + 1e-12
+            assert TOLERANCE_M < bound <= np.min(space.gap_m(x)) + 1e-12
             at = stop
         assert at == (one.hit[0] if one.hit else window[-1])
         if one.hit:
             assert sign * one.hit[0] <= min(first_stop(space, window, n), sign * one.hit[1])
             assert one.hit[2] <= TOLERANCE_M
-            assert one.touching == (space.gap_m([one.hit[1]], [n])[0] <= 0)
+            assert one.touching == (space.gap_m([one.hit[1]])[0] <= 0)
         else:
             assert not one.touching
 

@@ -6,8 +6,9 @@ import pytest
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.driver import Bracket
 from dragon_ros.core.search.first_contact import first_contact, gap_at, slack_at_m, slope_of, touch_in
-from dragon_ros.core.search.search_domain import Bracket, RangeOfTravel, SearchDomain
+from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.spec import Spiral
 
 
