@@ -61,10 +61,7 @@ class Parser(argparse.ArgumentParser):
         if '_ARGCOMPLETE' in os.environ:
             from dragon_ros.cli import completion
             completion.answer(self)
-        args = None if args is None else list(args)
-        words = list(sys.argv[1:] if args is None else args)
-        if any('\0' in text for text in words):
-            self.error('an argument contains a NUL character; remove it')
+        words = sys.argv[1:] if args is None else args
         arguments = super().parse_args(_with_negative_values(words), namespace)
         try:
             _check_output(arguments)
@@ -140,7 +137,7 @@ def _accuracy(text: str) -> str:
     return text
 
 
-def _with_negative_values(words: list[str]) -> list[str]:
+def _with_negative_values(words: Iterable[str]) -> list[str]:
     """Join each option with a value that begins with a negative number; argparse takes -100,-50 for an option."""
     out: list[str] = []
     for word in words:
@@ -208,12 +205,6 @@ def add_workers_option(options: argparse.ArgumentParser, what: str, of: str = ''
     """Add --workers (``cli.pool``); its help states that ``what`` does not depend on the number of workers."""
     options.add_argument('--workers', type=int, metavar='N', help=f'number of processes{of} (one per core for long '
                          f'work); the {what} does not depend on it')
-
-
-def check_workers(arguments: argparse.Namespace) -> None:
-    """Raise InputError if --workers is invalid, before a long bag is read."""
-    from dragon_ros.cli.pool import workers_of
-    workers_of(arguments.workers)
 
 
 def add_handles_option(options: argparse.ArgumentParser) -> None:

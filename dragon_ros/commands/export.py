@@ -30,7 +30,6 @@ def _run(arguments: Namespace) -> int:
     """Write the file; return the exit code."""
     if arguments.every < 1:
         raise dr.InputError(f'--every {arguments.every}: give 1 or more', field='every')
-    command_line.check_workers(arguments)
     with dr.read_bag(arguments.bag, arguments.namespace) as bag, Progress(
             arguments.format, 'ticks', bag.ticks) as bar:
         bag.export(arguments.output, arguments.format, handles=handles_of(arguments.handles, bag.handles - 1),

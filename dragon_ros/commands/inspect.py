@@ -44,7 +44,6 @@ def _run(arguments: Namespace) -> int:
     given = {'--check': arguments.check, '--trust': arguments.trust, '--looks': arguments.looks is not None,
              '--namespace': arguments.namespace is not None, '--workers': arguments.workers is not None}
     command_line.check_taken(what, given, _TAKES[what])
-    command_line.check_workers(arguments)
     if arguments.looks is None:
         arguments.looks = _LOOKS
     if arguments.looks < 0:

@@ -29,6 +29,7 @@ COMMAND = ['simulate', '--scene', 'winding', '--workers', '2']
 WHOLE = ['run.start_s=396', 'run.stop_s=413.5']     # the last second contains the contact
 LONG = ['run.start_s=408.5', 'run.stop_s=413.5', 'dragon.benches=400']      # enough benches for several parts
 TICKS = 251
+BAG = str(Path(__file__).parents[1] / 'data' / 'corpus' / 'good_none.mcap')
 
 
 @pytest.mark.parametrize('workers', [1, 2, 3])
@@ -475,11 +476,13 @@ def test_a_full_disk_leaves_nothing_of_a_file(tmp_path, long, what, more):
     assert 'cannot be written' in errors
 
 
-@pytest.mark.parametrize('command', [('inspect', 'a.mcap', '--check'), ('export', 'a.mcap', '--output', 'a.csv'),
+@pytest.mark.parametrize('command', [('inspect', BAG, '--check'), ('export', BAG, '--output', 'a.csv'),
                                      ('plot', 'speeds'), ('simulate', '--output', 'a.mcap')])
-def test_every_command_checks_the_number_of_workers(capsys, command):
+def test_every_command_checks_the_number_of_workers(capsys, tmp_path, monkeypatch, command):
+    monkeypatch.chdir(tmp_path)
     assert main([*command, '--workers', '0']) == 2
     assert '--workers' in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_summary_of_a_bag_takes_no_workers(capsys):
