@@ -2,12 +2,22 @@
 
 The long form of these tests is ``./dragon cost promises --chains 100000``, which compares chains with 40 digits, too.
 """
+from dataclasses import replace
+from math import inf
+
 import numpy as np
 import pytest
+from mpmath import mp, mpf
 from properties import thinned
 
 from benchmarks import promises
 from benchmarks.promises import measure, random_scene, shares, table
+from dragon_ros.core.chain.chain import marched_many
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.tracks.segments import BEHIND
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, SpiralArc
 
 
 @pytest.mark.parametrize('first', thinned(range(0, 1000, 20), lambda first: first == 0))
@@ -26,8 +36,35 @@ def test_speeds_near_the_lock_of_a_tightly_wound_spiral_keep_their_promise(numbe
     assert np.max(shares(scene, times_s)) < 0.5
 
 
+@pytest.mark.parametrize('piece', [SpiralArc(0.01, 5600.3 + 4 / 7, 5600.0 + 4 / 9, 'left'), Arc(0.1, 1e6)],
+                         ids=['spiral', 'arc'])
+def test_a_line_behind_thousands_of_turns_is_where_exact_arithmetic_puts_it(piece):
+    """If the whole turns were left in, rounding would turn the line, and its end would be off by 7 or 19 promises."""
+    dragon, track = Dragon(3, 0.1, 0.1, 0.01, 0.0), Composite((piece, Line(3000.0)))
+    end_m = compile_scene(Scene(dragon, track, run=Run(0, 1))).model.track.end_m
+    scene = Scene(dragon, replace(track, start_m=end_m - 1.0), run=Run(0, 1))
+    assert np.max(shares(scene, [0.0])[..., 0]) < 0.3
+
+
+@pytest.mark.parametrize(('radius_m', 'links_m'), thinned(
+    [(3000.0, (0.07,)), (3000.0, (0.05, 0.07)), (inf, (0.07,)), (inf, (0.05, 0.07))], lambda case: case[0] < inf))
+def test_equal_roundings_of_many_links_on_an_arc_or_a_line_do_not_add_up(radius_m, links_m):
+    """The tail of 20,000 links is compared with exact arithmetic; without Kahan's summation, it is 4 promises off."""
+    count, start_m = 10_000 // len(links_m), 1500.0
+    track = Composite((Line(9e3),) if radius_m == inf else (Arc(radius_m, 90.0),), start_m)
+    dragon = Mixed(tuple(Group(length) for length in links_m) * (2 * count), 0.01, 0.0)
+    model = compile_scene(Scene(dragon, track, run=Run(0, 0))).model
+    with mp.workdps(40):
+        spans = [mpf(link) if radius_m == inf else 2 * mp.asin(mpf(link) / (2 * radius_m)) for link in links_m]
+        u = mpf(start_m) / (1 if radius_m == inf else radius_m) - 2 * count * sum(spans)
+        tail = (u, 0) if radius_m == inf else (radius_m * mp.sin(u), radius_m * (1 - mp.cos(u)))
+    promise_m = compile_scene(Scene(dragon, track, run=Run(0, 0))).promise_m
+    for chain in (model.march(0.0), marched_many(model.track, model.links_m, model.leader.places(np.zeros(3)), BEHIND)):
+        assert np.max(np.hypot(*(chain.p[..., -1, :] - np.array(tail, dtype=float)).T)) < 0.1 * promise_m
+
+
 def test_an_interrupted_long_run_tells_of_the_chains_that_are_done(monkeypatch):
-    parts = [promises._measured(number) for number in (191, 312)]
+    parts = [promises._measured(number) for number in (5, 8)]
     measured = iter(parts)
 
     def interrupted(number):

@@ -168,6 +168,7 @@ def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
     size, (first, stop) = leaders[1].size, (blocks[0].start, blocks[-1].stop) if blocks else (0, 0)
     rows: Places = np.empty((stop + 1, size), dtype=np.int64), np.empty((stop + 1, size))     # from ``first`` on
     at, spent, ahead = np.full(size, first), 0, min if direction == AHEAD else max
+    rest = np.zeros(size)       # what rounding has left out of the last handles (Kahan's summation)
     if starts is not None:
         at += starts
     for out, values in zip(rows, leaders, strict=True):
@@ -177,32 +178,38 @@ def by_segment(track: Track, blocks: tuple[Block, ...], leaders: Places, directi
             number = rows[0][at[left], left]
             k = ahead(track.present(number))        # no leader enters this segment later
             through = _on_curve if isinstance(track.segments[k], SpiralSegment) else _evenly
-            spent += through(track, k, rows, at, left[number == k], block, direction)
+            spent += through(track, k, rows, rest, at, left[number == k], block, direction)
     return (rows[0][first:], rows[1][first:]), spent
 
 
-def _evenly(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block, direction: int) -> int:
+def _evenly(track: Track, k: int, rows: Places, rest: Floats, at: Ints, on: Ints, block: Block, direction: int) -> int:
     """Place the handles of leaders ``on`` on a line or an arc and the first handle beyond; return the evaluation count.
 
-    ``at`` (M,) holds the rows of the last handles placed so far and is updated.
+    ``at`` (M,) holds the rows of the last handles placed so far, and ``rest`` (M,) what rounding has left out of them;
+    both are updated.
     """
     u = rows[1][at[on], on]
     edge, left = track.edge(k, direction), block.stop - at[on]
     step = float(track.segments[k].shifts(u[:1], block.link_m, direction)[0][0])
     most = np.minimum(left, (edge - u) / step + 1)
     steps = 1.0 + np.arange(int(np.max(most)))[:, None]
-    placed_at = u + steps * step
+    change = steps * step + rest[on]
+    placed_at = u + change
     stays = (steps <= left) & (np.minimum(u, edge) <= placed_at) & (placed_at <= np.maximum(u, edge))
     row, column = np.nonzero(stays)
     there = at[on[column]] + row + 1, on[column]
     rows[0][there], rows[1][there] = k, placed_at[stays]
-    at[on] += np.count_nonzero(stays, axis=0)
-    return _across(track, k, rows, at, on[at[on] < block.stop], block, direction)
+    count = np.count_nonzero(stays, axis=0)
+    moved, last = np.flatnonzero(count), count[count > 0] - 1
+    at[on] += count
+    rest[on[moved]] = change[last, moved] - (placed_at[last, moved] - u[moved])
+    return _across(track, k, rows, rest, at, on[at[on] < block.stop], block, direction)
 
 
-def _on_curve(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block, direction: int) -> int:
+def _on_curve(track: Track, k: int, rows: Places, rest: Floats, at: Ints, on: Ints, block: Block,
+              direction: int) -> int:
     """Place handles on a spiral, link by link (``_evenly`` places all handles on a line or an arc together)."""
-    spent, past = 0, NEW
+    spent, past = 0, Past((), rest[on])
     while on.size:
         here = rows[1][at[on], on]
         try:
@@ -213,18 +220,20 @@ def _on_curve(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Blo
         over, past, on = on[~stays], past.some(stays), on[stays]
         at[on] += 1
         rows[0][at[on], on], rows[1][at[on], on] = k, u[stays]
-        spent += more + _across(track, k, rows, at, over, block, direction)
+        rest[on] = past.rest
+        spent += more + _across(track, k, rows, rest, at, over, block, direction)
         goes = at[on] < block.stop
         past, on = past.some(goes), on[goes]
     return spent
 
 
-def _across(track: Track, k: int, rows: Places, at: Ints, on: Ints, block: Block, direction: int) -> int:
+def _across(track: Track, k: int, rows: Places, rest: Floats, at: Ints, on: Ints, block: Block, direction: int) -> int:
     """Place one handle beyond segment k for each leader in ``on``."""
     if not on.size:
         return 0
     found, spent = track.across_many(k, rows[1][at[on], on], block.link_m, direction)
     at[on] += 1
+    rest[on] = 0.0
     for out, values in zip(rows, found, strict=True):
         out[at[on], on] = values
     return spent
