@@ -29,7 +29,7 @@ COMMAND = ['simulate', '--scene', 'winding', '--workers', '2']
 WHOLE = ['run.start_s=396', 'run.stop_s=413.5']     # the last second contains the contact
 LONG = ['run.start_s=408.5', 'run.stop_s=413.5', 'dragon.benches=400']      # enough benches for several parts
 TICKS = 251
-BAG = str(Path(__file__).parents[1] / 'data' / 'corpus' / 'good_none.mcap')
+BAG = str(Path(__file__).parents[1] / 'data' / 'made_by_0_2_0' / 'run.mcap')
 
 
 @pytest.mark.parametrize('workers', [1, 2, 3])
