@@ -23,7 +23,7 @@ from dragon_ros.core.chain.chain import conditioning, lag
 from dragon_ros.core.chain.commanded import HeadLaw
 from dragon_ros.core.chain.dragon import AnyDragon, Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
-from dragon_ros.core.domain import LINK, PITCH, RADIUS, SPEED, TRACK
+from dragon_ros.core.domain import LINK, PIECES, PITCH, RADIUS, SPEED, TRACK
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.model import compile_scene
@@ -106,7 +106,8 @@ def _track(dice: Random, link_m: float) -> TrackSpec:
     if kind == 'turn':
         return STurn(_between(dice, PITCH.low, PITCH.high), _between(dice, 4 * link_m, 5e3), dice.uniform(0.5, 2),
                      dice.choice((1, -1)) * _between(dice, 0.1, 1e3))
-    track = Composite(tuple(_piece(dice, link_m) for _ in range(dice.randint(1, 6))))
+    most = PIECES.high if dice.random() < 0.1 else 6
+    track = Composite(tuple(_piece(dice, link_m) for _ in range(round(_between(dice, 1, most)))))
     alone = Scene(Dragon(1, LINK.low, LINK.low, 0.01, 0.0), track, run=Run(0, 0))
     return replace(track, start_m=dice.uniform(0, compile_scene(alone).model.track.end_m))
 

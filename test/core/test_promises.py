@@ -36,11 +36,13 @@ def test_speeds_near_the_lock_of_a_tightly_wound_spiral_keep_their_promise(numbe
     assert np.max(shares(scene, times_s)) < 0.5
 
 
-@pytest.mark.parametrize('piece', [SpiralArc(0.01, 5600.3 + 4 / 7, 5600.0 + 4 / 9, 'left'), Arc(0.1, 1e6)],
-                         ids=['spiral', 'arc'])
-def test_a_line_behind_thousands_of_turns_is_where_exact_arithmetic_puts_it(piece):
-    """If the whole turns were left in, rounding would turn the line, and its end would be off by 7 or 19 promises."""
-    dragon, track = Dragon(3, 0.1, 0.1, 0.01, 0.0), Composite((piece, Line(3000.0)))
+@pytest.mark.parametrize('pieces', [
+    (SpiralArc(0.01, 5600.3 + 4 / 7, 5600.0 + 4 / 9, 'left'), Line(3000.0)), (Arc(0.1, 1e6), Line(3000.0)),
+    (Arc(158.3, 359.9),) * 1000, (Line(901.23), Arc(7.7, 180.0), Line(901.23), Arc(7.7, -180.0)) * 250],
+    ids=['spiral', 'arc', 'circles', 'hairpins'])
+def test_a_track_ends_where_exact_arithmetic_puts_it_after_many_turns_and_pieces(pieces):
+    """If whole turns were left in, or roundings of pieces added up, the end would be 6 to 19 promises off."""
+    dragon, track = Dragon(3, 0.1, 0.1, 0.01, 0.0), Composite(pieces)
     end_m = compile_scene(Scene(dragon, track, run=Run(0, 1))).model.track.end_m
     scene = Scene(dragon, replace(track, start_m=end_m - 1.0), run=Run(0, 1))
     assert np.max(shares(scene, [0.0])[..., 0]) < 0.3

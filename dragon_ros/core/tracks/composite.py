@@ -419,15 +419,19 @@ def spiral_track(spiral: Spiral, last_rad: float, may_lock: bool = False) -> Tra
 
 def _composite(spec: Composite) -> Track:
     segments: list[Segment] = []
-    origins = [0.0]
+    origins, rest_m, rest = [0.0], 0.0, 0j      # what rounding has left out of distances and points (Kahan's summation)
     first = spec.pieces[0]
     point, heading = complex(*(first.at_m or (0.0, 0.0))), cmath.rect(1.0, radians(first.heading_deg or 0.0))
     for k, piece in enumerate(spec.pieces):
         _check_joint(k, piece, point, heading)
         one = _segment(piece, point, heading, open_ended=k == 0)
         segments.append(one)
-        origins.append(origins[-1] + one.metres(one.last))
-        point, heading = _end_of(piece, one)
+        length_m = one.metres(one.last) + rest_m
+        origins.append(origins[-1] + length_m)
+        rest_m = length_m - (origins[-1] - origins[-2])
+        moved, heading = _end_of(piece, _segment(piece, 0j, heading, open_ended=False))
+        moved += rest
+        rest, point = moved - ((point + moved) - point), point + moved
     return Track(tuple(segments), tuple(origins[:-1]))
 
 
