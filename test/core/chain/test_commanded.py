@@ -27,7 +27,6 @@ from dragon_ros.core.scene import NS, Run, Scene
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import led_tick, tick
 
-FREE = (inf, inf)
 LED = Commanded(max_speed_m_s=1.5, max_acceleration_m_s2=2.0)
 SCENE = Scene(Dragon(benches=20), head=LED, run=Run(3, 100, 30), effects=Effect.VELOCITY | Effect.TRAILS)
 
