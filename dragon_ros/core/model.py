@@ -347,15 +347,7 @@ class Simulation:
             self.check_time(t_s)
         if self.is_paper:
             return paper.place(self.model.track, self.model.links_m, self.scene.steady_m_s, t_s)
-        return self._placement.place(self._leader.place(self.scene.head.travelled_m(t_s)))
-
-    @cached_property
-    def _placement(self) -> Placement:
-        return self.model.placement
-
-    @cached_property
-    def _leader(self) -> Leader:
-        return self.model.leader
+        return self.model.place(self.scene.head.travelled_m(t_s))
 
 
 class _Compiled:

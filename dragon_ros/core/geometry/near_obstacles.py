@@ -104,7 +104,7 @@ class NearObstacles:
     def look(self, found: Closeness, benches: Benches) -> Closeness:
         """Return the same result as ``with_obstacles``."""
         kept = self._kept
-        if kept is None or kept.sizes != _sizes(benches):
+        if kept is None or kept.sizes != benches.sizes:
             kept = None
         limit_m = self._limit_m(kept, found, benches)
         moved_m = _moved_m(kept, benches) if kept else np.empty(0)
@@ -137,7 +137,7 @@ class NearObstacles:
         middles, axes = self.around.middle[listed], self.around.axis[listed]
         every = together(benches, self.around.edges.some(listed))
         parted = parted_pairs(*_complex(every), every, bench, len(centre) + index)[0]
-        return _Kept(_sizes(benches), centre.copy(), axis.copy(), np.hypot(benches.half_length, benches.half_width),
+        return _Kept(benches.sizes, centre.copy(), axis.copy(), np.hypot(benches.half_length, benches.half_width),
                      bench, edge, gap_m, parted, middles, axes, reach_m,
                      self.around.misplaced_benches(benches, np.arange(len(benches.half_length))),
                      None if least is None else (int(bench[least]), int(edge[least])))
@@ -211,10 +211,6 @@ def _moved_m(kept: _Kept, benches: Benches) -> Floats:
 def _complex(benches: Benches) -> tuple[Complexes, Complexes]:
     """Return centres and axes as complex numbers."""
     return complex_of(benches.centre), complex_of(benches.axis)
-
-
-def _sizes(benches: Benches) -> bytes:
-    return benches.half_length.tobytes() + benches.half_width.tobytes()
 
 
 class SmallestGap:

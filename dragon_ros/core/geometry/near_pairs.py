@@ -262,7 +262,7 @@ def _first_kept(p: Floats, benches: Benches, found: Closeness) -> _Kept | None:
         if listed is None:
             return None
         parts.append(listed[0])
-    return _Kept(_sizes(benches), bodies.far, skin_m, found.clearance_m, found.closest, tuple(parts), reach_m + skin_m,
+    return _Kept(benches.sizes, bodies.far, skin_m, found.clearance_m, found.closest, tuple(parts), reach_m + skin_m,
                  bodies.centre.copy(), bodies.back)
 
 
@@ -329,10 +329,6 @@ class _Ahead:
         return out
 
 
-def _sizes(benches: Benches) -> bytes:
-    return benches.half_length.tobytes() + benches.half_width.tobytes()
-
-
 class NearPairs:
     """Evaluates successive samples with the results of ``closeness``, but faster if consecutive samples are similar.
 
@@ -349,7 +345,7 @@ class NearPairs:
         kept, self._ahead = self._kept, None
         alike = len(samples) > 1 and all(benches.half_length is samples[0].half_length
                                          and benches.half_width is samples[0].half_width for benches in samples)
-        if kept and alike and kept.sizes == _sizes(samples[0]):
+        if kept and alike and kept.sizes == samples[0].sizes:
             self._ahead = _Ahead(samples, kept.sizes, kept.far)
 
     def look(self, p: Floats, benches: Benches) -> Closeness:
@@ -359,7 +355,7 @@ class NearPairs:
         """
         kept, ahead = self._kept, self._ahead
         bodies = ahead.find(benches) if kept and ahead and ahead.sizes == kept.sizes else None
-        if kept and (bodies or kept.sizes == _sizes(benches)):
+        if kept and (bodies or kept.sizes == benches.sizes):
             found = self._again(kept, p, benches, bodies or _bodies(benches, kept.far))
             if found:
                 return found

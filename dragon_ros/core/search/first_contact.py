@@ -8,7 +8,7 @@ cleared up to one slack before it.
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from math import inf, ulp
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from dragon_ros.core.search.driver import Bracket
 from dragon_ros.core.search.search_domain import Pair, RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.segments import BEHIND
 
+if TYPE_CHECKING:       # scenes without a venue do not need this module
+    from dragon_ros.core.search.obstacle_contact import Obstacles
+
 _CLOSER = 0.8           # clearing stops this fraction of a slack before a touch, to allow for the rounding of its time
 _AHEAD_M = 1e-8         # first step of the search for a contact just beyond a position that cannot be cleared
 _AHEAD = 24             # number of doublings of this step, up to 8 cm
@@ -36,18 +39,6 @@ _STEADY = 4
 _WIDEST, _NEAR = 1000, 100      # largest slack of a slow approach, and largest gap of a grazing, in slacks
 _ULPS = 4               # rounding error of a contact's time, in ulps
 _STEP = 1000            # step to either side for slopes, in slacks
-
-
-class Part(Protocol):
-    """One kind of pairs of a domain: those of benches, or those of benches and obstacles."""
-
-    def clear(self, stop_m: float) -> Bracket | None:
-        """Clear up to a leader position; return the first bracket that is not clear."""
-        ...
-
-    def prove(self, stop_m: float) -> Bracket | None:
-        """Clear up to an earlier position; return the first bracket that is not clear."""
-        ...
 
 
 def first_contact(scene: Scene, progress: Callable[[int], object] = lambda states: None) -> Contact | NoContact:
@@ -83,10 +74,10 @@ class ContactSearch:
     def __init__(self, domain: SearchDomain) -> None:
         """Prepare the search of a domain."""
         self._domain, self._chain = domain, WholeChain(domain)
-        self._parts: list[Part] = [self._chain]
+        self._parts: list[WholeChain | Obstacles] = [self._chain]
         if domain.scene.venue is not None:
-            from dragon_ros.core.search.obstacle_contact import Obstacles
-            self._parts = [Obstacles(domain), self._chain]
+            from dragon_ros.core.search import obstacle_contact
+            self._parts = [obstacle_contact.Obstacles(domain), self._chain]
 
     @property
     def states(self) -> int:

@@ -72,7 +72,7 @@ def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_tu
     number('within_m', within_m, low=2e-11, high=1.0)
     if smallest_m is not None:
         PITCH.checked('smallest_m', smallest_m)
-        runs.check(smallest_m)
+        runs.scene(smallest_m)
     number('largest_m', largest_m, above=smallest_m or runs.least_m, high=PITCH.high)
     low_m, clear_m = _stepped(runs, smallest_m, largest_m)
     low_m, high_m = _bisected(runs, low_m, clear_m[-1], max(within_m, _COARSE_M))
@@ -111,13 +111,9 @@ class _Runs:
         self.given, self._tell, self.states = (dragon, diameter_m, start_turns), progress, 0
         self.least_m = 0.5 * diameter_m / start_turns     # the pitch at which the head starts on the circle
 
-    def check(self, pitch_m: float) -> None:
-        """Reject a pitch at which the head starts inside the circle. Raises FieldError."""
-        self._scene(pitch_m)
-
     def domain(self, pitch_m: float) -> SearchDomain:
         """Return the chains of a run."""
-        simulation = compile_scene(self._scene(pitch_m))
+        simulation = compile_scene(self.scene(pitch_m))
         return SearchDomain(simulation, RangeOfTravel.of(simulation), 1, self._count)
 
     def bracket(self, domain: SearchDomain) -> Bracket | None:
@@ -135,7 +131,8 @@ class _Runs:
         place, gap_m = lowest(gaps, *ends)
         return _Closest(pair, float(gap_m[0]), hypot(*domain.chain(float(place[0])).p[0]))
 
-    def _scene(self, pitch_m: float) -> Scene:
+    def scene(self, pitch_m: float) -> Scene:
+        """Return the scene of a run. Raises FieldError for a pitch at which the head starts inside the circle."""
         dragon, diameter_m, start_turns = self.given
         return coming_in(dragon, pitch_m, start_turns, diameter_m)
 
