@@ -157,6 +157,17 @@ def passed_s(law: HeadLaw, travel_m: float, low_s: float, high_s: float) -> floa
     return illinois(beyond_m, low_s, high_s, beyond_m(low_s), beyond_m(high_s))
 
 
+def onwards_m(law: HeadLaw, t_s: float, sense: int) -> float:
+    """Return how far the leader moves in one sense (1 or -1) after a time, until it turns or rests."""
+    here_m, most_m, last_s = float(law.travelled_m(t_s)), 0.0, t_s
+    for last_s in (break_s for break_s in law.breaks_s if break_s > t_s):
+        on_m = sense * (float(law.travelled_m(last_s)) - here_m)
+        if on_m <= most_m:
+            return most_m
+        most_m = on_m
+    return inf if sense * law.speed_at_m_s(last_s) > 0 else most_m
+
+
 def walked_from(settings: Commanded, start_s: float) -> Walked:
     """Return the law of a leader that is at rest at the start of the run."""
     return Walked(settings, ((start_s, 0.0),))

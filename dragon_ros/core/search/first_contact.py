@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dragon_ros.core.chain.chain import marched
+from dragon_ros.core.chain.commanded import onwards_m
 from dragon_ros.core.geometry.broad_phase import candidates, default_reach_m
 from dragon_ros.core.geometry.contacts import ObstacleTouch
 from dragon_ros.core.geometry.rectangles import Benches, axes_of
@@ -188,10 +189,10 @@ def _crossing(domain: SearchDomain, roots: list[tuple[float, Pair]]) -> Touch | 
     """Return the contact of the first of some pairs, or None if the leader turns back before they overlap."""
     (travel_m, pair), *later = roots
     t_s, slope = domain.time_s(travel_m), slope_of(domain, pair, travel_m)
-    slack_m, onwards_m = slack_at_m(domain, t_s, slope), domain.onwards_m(t_s)
-    after_m = domain.travel_m(t_s) + domain.sense * min(slack_m, onwards_m)
+    slack_m, on_m = slack_at_m(domain, t_s, slope), _onwards_m(domain, t_s)
+    after_m = domain.travel_m(t_s) + domain.sense * min(slack_m, on_m)
     overlaps = gap_at(domain, pair, after_m) < -domain.error_m
-    if not overlaps and onwards_m < slack_m:
+    if not overlaps and on_m < slack_m:
         return None
     unsure_m = domain.gap_error_m / slope if slope > 0 else np.inf
     at_once = tuple(other for place, other in later if domain.sense * (place - travel_m) <= unsure_m)
@@ -242,6 +243,18 @@ def _grazing(domain: SearchDomain, bracket: Bracket) -> Touch:
     is_near = abs(gap_at(domain, (i, j), domain.travel_m(t_s))) + domain.error_m < near_m
     return Touch((i, j), travel_m, t_s, slope_of(domain, (i, j), travel_m), near_m, is_near,
                  (min(low, least) - error_m, least + error_m))
+
+
+def _onwards_m(domain: SearchDomain, t_s: float) -> float:
+    """Return how far the leader moves on after a time until it turns or rests or the model ends; 0 in an empty run.
+
+    The end of this motion may be beyond the end of the run.
+    """
+    if domain.start_m == domain.stop_m:
+        return 0.0
+    limit = domain.simulation.model.limits[domain.sense > 0]
+    left_m = domain.sense * (limit.travel_m - domain.travel_m(t_s)) if limit else inf
+    return max(0.0, min(left_m, onwards_m(domain.scene.head, t_s, domain.sense)))
 
 
 def pairs_near(domain: SearchDomain, travel_m: float) -> tuple[Ints, Floats]:

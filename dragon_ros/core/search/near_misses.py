@@ -6,12 +6,14 @@ exactly as another pair stood earlier (``repeats``) are not sampled: they have t
 misses between a bench and an obstacle of the venue are included. When the leader reverses, a closing gap also has a
 minimum. A dip that is narrower than the spacing of the samples, or shallower than a nanometre, may be missed.
 """
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
 from dragon_ros.core.chain.chain import Chain
+from dragon_ros.core.chain.commanded import passed_s
 from dragon_ros.core.geometry.broad_phase import boxes_within, candidates
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.geometry.signed_distance import gaps, seen_from, signed_gap
@@ -85,12 +87,19 @@ def near_misses(scene: Scene, found: Contact | NoContact, below_m: float,
     for sense in travel.senses:
         domain = SearchDomain(simulation, travel, sense, progress)
         dips = _nearest_edges(domain, _distinct(_dips_of(domain, below_m)))
-        passed = travel.passages_s([dip.place for dip in dips])
+        passed = passages_s(travel, [dip.place for dip in dips])
         misses += [_miss(domain, dip.pair, t_s, dip.gap_m)
                    for dip, times in zip(dips, passed, strict=True) for t_s in times]
     misses += _at_reversals(simulation, travel, below_m)
     misses.sort(key=lambda miss: (miss.gap_m, miss.t_s))
     return NearMisses(tuple(misses[:MOST]), len(misses))
+
+
+def passages_s(travel: RangeOfTravel, places_m: Sequence[float]) -> list[list[float]]:
+    """Return, for each position, the times at which the leader passes it, except where the leader may reverse."""
+    legs = [(one, two, travel.travel_m(one), travel.travel_m(two)) for one, two in pairwise(travel.times_s)]
+    return [[passed_s(travel.law, place, *leg[:2]) for leg in legs if min(leg[2:]) <= place <= max(leg[2:]) and
+             leg[2] != place != leg[3]] for place in places_m]
 
 
 def _miss(domain: SearchDomain, pair: Pair, t_s: float, gap_m: float) -> NearMiss:
@@ -274,9 +283,22 @@ def lowest(function: Callable[[Floats], Floats], left: Floats, right: Floats) ->
     return np.where(lower, a, b), np.where(lower, at_a, at_b)
 
 
+def reversals(travel: RangeOfTravel) -> list[tuple[float, int]]:
+    """Return when the leader reverses, and its direction before each reversal; a rest is not a reversal."""
+    out, going, turned_s = list[tuple[float, int]](), 0, travel.start_s
+    for before, after in pairwise(travel.times_s):
+        moved = travel.travel_m(after) - travel.travel_m(before)
+        sense = (moved > 0) - (moved < 0)
+        if sense and going and sense != going:
+            out.append((turned_s, going))
+        if sense:
+            going, turned_s = sense, after
+    return out
+
+
 def _at_reversals(simulation: Simulation, travel: RangeOfTravel, below_m: float) -> Iterator[NearMiss]:
     """Yield the near misses at the positions where the leader reverses."""
-    for t_s, sense in travel.reversals:
+    for t_s, sense in reversals(travel):
         domain, travel_m = SearchDomain(simulation, travel, sense, lambda states: None), travel.travel_m(t_s)
         benches, earlier = domain.benches(travel_m), domain.benches(travel_m - sense * _CLOSING_M)
         unsure_m = 2 * domain.tolerance_m

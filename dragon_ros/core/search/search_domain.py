@@ -7,17 +7,16 @@ metres. Positions of handles are distances along the track.
 A pair that can touch consists of two benches, or of a bench and an edge of the venue's obstacles. Edges are numbered
 after the benches and are treated as rectangles of zero width.
 """
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
-from math import inf
 from typing import TYPE_CHECKING, Optional
 
 import numpy as np
 
 from dragon_ros.core.chain.chain import Chain, marched_many, stack
-from dragon_ros.core.chain.commanded import HeadLaw, passed_s, times_between
+from dragon_ros.core.chain.commanded import HeadLaw, times_between
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of, corner_levers
 from dragon_ros.core.model import Simulation
@@ -53,7 +52,7 @@ class RangeOfTravel:
         return replace(self, end_s=end_s)
 
     @property
-    def _times(self) -> list[float]:
+    def times_s(self) -> list[float]:
         """Times between which the leader moves in one direction."""
         return times_between(self.law, self.start_s, self.end_s)
 
@@ -63,42 +62,13 @@ class RangeOfTravel:
 
     def farthest_s(self, sense: int) -> float:
         """Return the first time when the leader is furthest forward (``sense`` 1) or furthest back (-1)."""
-        return max(self._times, key=lambda t_s: sense * self.travel_m(t_s))
+        return max(self.times_s, key=lambda t_s: sense * self.travel_m(t_s))
 
     @property
     def senses(self) -> list[int]:
         """The senses in which the leader moves beyond its start; empty if it rests."""
         here = self.travel_m(self.start_s)
         return [sense for sense in (1, -1) if sense * (self.travel_m(self.farthest_s(sense)) - here) > 0]
-
-    def onwards_m(self, t_s: float, sense: int) -> float:
-        """Return how far the leader moves in one sense after a time until it turns or rests, even beyond its run."""
-        here_m, most_m, last_s = self.travel_m(t_s), 0.0, t_s
-        for last_s in (break_s for break_s in self.law.breaks_s if break_s > t_s):
-            on_m = sense * (self.travel_m(last_s) - here_m)
-            if on_m <= most_m:
-                return most_m
-            most_m = on_m
-        return inf if sense * self.law.speed_at_m_s(last_s) > 0 else most_m
-
-    @property
-    def reversals(self) -> list[tuple[float, int]]:
-        """Times at which the leader reverses, and its direction before each reversal; a rest is not a reversal."""
-        out, going, turned_s = list[tuple[float, int]](), 0, self.start_s
-        for before, after in pairwise(self._times):
-            moved = self.travel_m(after) - self.travel_m(before)
-            sense = (moved > 0) - (moved < 0)
-            if sense and going and sense != going:
-                out.append((turned_s, going))
-            if sense:
-                going, turned_s = sense, after
-        return out
-
-    def passages_s(self, places_m: Sequence[float]) -> list[list[float]]:
-        """Return, for each position, the times at which the leader passes it, except where the leader may reverse."""
-        legs = [(before, after, self.travel_m(before), self.travel_m(after)) for before, after in pairwise(self._times)]
-        return [[passed_s(self.law, place, *leg[:2]) for leg in legs if min(leg[2:]) <= place <= max(leg[2:]) and
-                 leg[2] != place != leg[3]] for place in places_m]
 
     def arrival_s(self, travel_m: float, sense: int) -> float:
         """Return when the leader, moving in one sense, first reaches a distance or comes nearest to it."""
@@ -111,7 +81,7 @@ class RangeOfTravel:
 
         if beyond(self.start_s)[0] >= 0:        # the leader may rest at its start for a while
             return self.start_s
-        for before, after in pairwise(self._times):
+        for before, after in pairwise(self.times_s):
             if beyond(after)[0] >= 0:
                 return bracketed_newton(beyond, before, after, 0.5 * (before + after))[0]
         return self.farthest_s(sense)
@@ -214,14 +184,3 @@ class SearchDomain:
     def travel_m(self, t_s: float) -> float:
         """Return the distance travelled by the leader at a time."""
         return self._travel.travel_m(t_s)
-
-    def onwards_m(self, t_s: float) -> float:
-        """Return how far the leader moves on after a time until it turns or rests or the model ends; 0 in an empty run.
-
-        The end of this motion may be beyond the end of the run.
-        """
-        if self.start_m == self.stop_m:
-            return 0.0
-        travel_m, limit = self.travel_m(t_s), self.simulation.model.limits[self.sense > 0]
-        left_m = self.sense * (limit.travel_m - travel_m) if limit else inf
-        return max(0.0, min(left_m, self._travel.onwards_m(t_s, self.sense)))

@@ -384,7 +384,7 @@ def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: flo
         value = 0.5 * (link.real * link.real + link.imag * link.imag - chord_m * chord_m)
         slope = (link.conjugate() * heading).real * segment.rate(u) * sense
         low, high, spent = np.where(value <= 0, x, low), np.where(value >= 0, x, high), spent + x.size
-        change = value / np.where(slope > 0, slope, 1e-300)
+        change = value / np.where(slope > 0, slope, TINY)
         small = np.abs(change) <= TIGHT * (most + margin)
         newton = small | ((low <= x - change) & (x - change <= high) & (np.abs(change) <= 0.5 * last))
         following = np.clip(np.where(newton, x - change, low + 0.5 * (high - low)), low, high)

@@ -156,7 +156,7 @@ def _samples(count: float) -> int:
 def _sampled(points: Complexes, rates: Complexes) -> SmoothPart:
     """Return a smooth part from points and derivatives; where a derivative vanishes, chords determine the heading."""
     chords = np.diff(points)
-    small = np.abs(rates) <= 1e-9 * float(np.max(np.abs(rates), initial=0.0))
+    small = np.abs(rates) <= _SAME * float(np.max(np.abs(rates), initial=0.0))
     if np.any(small):
         both = np.concatenate((chords[:1], chords)) + np.concatenate((chords, chords[-1:]))
         rates = np.where(small, both, rates)

@@ -8,10 +8,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
 
+from dragon_ros.core.chain.commanded import onwards_m
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.near_misses import passages_s, reversals
 from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.spec import Spiral
 
@@ -21,7 +23,7 @@ THERE = RangeOfTravel(JUMPS, 0.0, 10.0)
 
 
 def test_every_passage_of_a_place_is_named_once_and_none_of_a_place_beyond():
-    found = THERE.passages_s([1.0, 3.0, 4.5, 5.5, -0.5, 9.0])
+    found = passages_s(THERE, [1.0, 3.0, 4.5, 5.5, -0.5, 9.0])
     assert found == [pytest.approx(times, abs=1e-12) for times in ([1.0], [3.0, 5.0, 8.0], [9.5], [], [], [])]
 
 
@@ -32,7 +34,7 @@ def test_passages_are_where_the_leader_is_at_the_place_as_often_as_it_changes_si
     # On a ramp, the leader's speed, and therefore its direction, may change sign between two breaks.
     end_s = 3.0 * (len(speeds) - 1) + 2.0
     travel = RangeOfTravel(law, 0.0, end_s)
-    (found,) = travel.passages_s([place_m])
+    (found,) = passages_s(travel, [place_m])
     gone = [law.travelled_m(t) - place_m for t in (0.0, *law.breaks_s, end_s) if t <= end_s]
     assert all(law.travelled_m(t) == pytest.approx(place_m, abs=1e-9) for t in found)
     assert len(found) >= sum(a * b < 0 for a, b in pairwise(gone))
@@ -48,16 +50,16 @@ def test_the_leader_is_farthest_for_the_first_time():
 
 
 def test_reversals_are_where_the_sense_changes_and_a_rest_is_none():
-    assert THERE.reversals == [(4.0, 1), (6.0, -1)]
-    assert RangeOfTravel(JUMPS, 4.5, 10.0).reversals == [(6.0, -1)]
+    assert reversals(THERE) == [(4.0, 1), (6.0, -1)]
+    assert reversals(RangeOfTravel(JUMPS, 4.5, 10.0)) == [(6.0, -1)]
     resting = Profile(((0.0, 1.0), (2.0, 1.0), (2.0, 0.0), (3.0, 0.0), (3.0, 1.0), (5.0, 1.0)))
-    assert RangeOfTravel(resting, 0.0, 5.0).reversals == []
+    assert reversals(RangeOfTravel(resting, 0.0, 5.0)) == []
 
 
 @pytest.mark.parametrize(('t_s', 'sense', 'on_m'), [(1.0, 1, 3.0), (1.0, -1, 0.0), (4.0, -1, 2.0), (5.0, -1, 1.0),
                                                     (8.0, 1, inf), (8.0, -1, 0.0), (6.5, 1, 0.0)])
 def test_onwards_the_leader_goes_until_it_turns_or_rests(t_s, sense, on_m):
-    assert THERE.onwards_m(t_s, sense) == pytest.approx(on_m, abs=1e-12)
+    assert onwards_m(JUMPS, t_s, sense) == pytest.approx(on_m, abs=1e-12)
 
 
 def test_it_arrives_at_a_place_for_the_first_time_or_where_it_is_nearest():
