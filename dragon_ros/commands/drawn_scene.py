@@ -286,8 +286,9 @@ def _venue(drawing: Drawing | None, obstacles: Drawing | None, origin: Origin | 
            near: Any) -> tuple[Mapping[str, Any], tuple[str, ...]]:
     """Return the obstacles near the line in a map of obstacles and in the map of the line, and notes."""
     from dragon_ros.scenes.venue_files import has_obstacles, venue_of, without_lines
-    maps = [one for one in (obstacles, without_lines(drawing) if drawing and has_obstacles(drawing) else None) if one]
-    found = [venue_of(one, origin, near) for one in maps]
+    found = [] if obstacles is None else [venue_of(obstacles, origin, near)]
+    if drawing and has_obstacles(drawing):
+        found.append(venue_of(without_lines(drawing), origin, near, has_track=True))
     notes = tuple(note for one in found for note in one.notes)
     if not found:
         return {}, ()

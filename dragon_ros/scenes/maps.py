@@ -353,7 +353,7 @@ def _osm(path: Path, data: bytes) -> Drawing:
     for one in _below(root, 'way'):
         tags, points = _osm_tags(one), ways[one.get('id')]
         if tags or one.get('id') not in inner:
-            features.append(_osm_way(_osm_name(one, tags), points, tags))
+            features.append(_osm_way(_osm_name(one, tags), points, {**tags, '@id': _identity(one)}))
     return Drawing(path, tuple(features), DEGREES)
 
 
@@ -361,8 +361,12 @@ def _osm_tags(element: 'Element') -> dict[str, str]:
     return {one.get('k', ''): one.get('v', '') for one in _below(element, 'tag')}
 
 
+def _identity(element: 'Element') -> str:
+    return f'{local_name(element)}/{element.get("id")}'
+
+
 def _osm_name(element: 'Element', tags: Mapping[str, str]) -> str:
-    return tags.get('name', '').strip() or f'{local_name(element)}/{element.get("id")}'
+    return tags.get('name', '').strip() or _identity(element)
 
 
 def _osm_way(name: str, points: list[tuple[float, float]], tags: Mapping[str, str]) -> Feature:

@@ -1,7 +1,7 @@
 """Read the obstacles of a venue from a map, and the boundary: a polygon named ``inside``.
 
-In a map with OpenStreetMap's tags, buildings, water, barriers and the like are obstacles, and streets are not. In any
-other map, all polygons and lines are obstacles. The property ``name`` of a feature is its name; repeated names are
+In a map with OpenStreetMap's tags, buildings, water, barriers and the like are obstacles, and so are polygons that were
+added to it; streets are not. In any other map, all polygons and lines are obstacles. The property ``name`` of a feature is its name; repeated names are
 numbered.
 """
 from collections import Counter
@@ -26,6 +26,7 @@ _BLOCKING = {('natural', 'water'), ('natural', 'cliff'), ('natural', 'tree_row')
              ('railway', 'platform'), ('public_transport', 'platform')}
 _OTHERS = ('highway', 'landuse', 'leisure', 'natural', 'amenity', 'railway', 'boundary', 'place', 'route',
            'public_transport', 'area:highway', 'emergency', 'aeroway', 'office', 'type')
+_IDENTITIES = ('@id', 'id', 'osm_id', 'osm_way_id', 'full_id')     # that exporters write
 _NO_BARRIER = ('kerb', 'entrance', 'gate', 'lift_gate', 'toll_booth', 'cattle_grid', 'border_control')
 _LEAST_M2 = 1e-6        # smaller polygons, such as three points on a line, have no extent
 _LONGEST_NAME = 80
@@ -47,16 +48,17 @@ def venue_values(path: Path, origin: Origin | None = None) -> dict[str, Any]:
     return venue_of(read_drawing(path), origin).values
 
 
-def venue_of(drawing: Drawing, origin: Origin | None, near: Any = None) -> Found:
+def venue_of(drawing: Drawing, origin: Origin | None, near: Any = None, *, has_track: bool = False) -> Found:
     """Return the obstacles and the inside of a map.
 
-    ``near`` is a shapely geometry in metres; obstacles that do not touch it are left out. Raises InputError.
+    ``near`` is a shapely geometry in metres; obstacles that do not touch it are left out. ``has_track`` tells whether
+    the track is a line of this map, which then belongs to it, however far its obstacles are. Raises InputError.
     """
     kept, counts = _sorted(drawing)
     if not kept:
         raise InputError(f'{drawing.path}: it contains no obstacle{_in_brackets(counts)}; draw polygons, lines, or a '
                          f'polygon named {INSIDE}')
-    geometries, far = _placed(drawing, kept, origin, near)
+    geometries, far = _placed(drawing, kept, origin, near, has_track)
     builder = _Builder(drawing.path)
     for feature, geometry in zip(kept, geometries, strict=True):
         if geometry is not None:
@@ -90,11 +92,16 @@ def _sorted(drawing: Drawing) -> tuple[list[Feature], Counter[str]]:
     for one in drawing.features:
         if all(part.geom_type == 'Point' for part in _parts(one.geometry)):
             counts['points'] += 1
-        elif is_osm and not _blocks(one):
+        elif is_osm and not _blocks(one) and not _is_drawn(one):
             counts[next((key for key in (*_BLOCKS, *_OTHERS) if key in one.tags), 'features without a kind')] += 1
         else:
             kept.append(one)
     return kept, counts
+
+
+def _is_drawn(feature: Feature) -> bool:
+    """Return whether a polygon has neither a kind nor an identity in OpenStreetMap, so that somebody drew it there."""
+    return _is_area(feature) and not any(key in feature.tags for key in (*_BLOCKS, *_OTHERS, *_IDENTITIES))
 
 
 def _blocks(feature: Feature) -> bool:
@@ -111,10 +118,11 @@ def _blocks(feature: Feature) -> bool:
     return any(key in tags for key in _BLOCKS) or any(tags.get(key) == value for key, value in _BLOCKING)
 
 
-def _placed(drawing: Drawing, kept: list[Feature], origin: Origin | None, near: Any) -> tuple[list[Any], str]:
+def _placed(drawing: Drawing, kept: list[Feature], origin: Origin | None, near: Any,
+            has_track: bool) -> tuple[list[Any], str]:
     """Return the features in metres, None for those that are not near the track, and a note on these.
 
-    Raises InputError if nothing is within 10 km of the track.
+    Raises InputError if nothing in a map without the track is within 10 km of the track.
     """
     from shapely import bounds, box, distance
     where, geometries = str(drawing.path), [one.geometry for one in kept]
@@ -126,12 +134,12 @@ def _placed(drawing: Drawing, kept: list[Feature], origin: Origin | None, near: 
         return out, ''
     around = bounds(out)
     away_m = np.where(np.all(np.isfinite(around), axis=1), distance(box(*around.T), near), np.inf)
-    if np.min(away_m) > WORLD_M:
+    if np.min(away_m) > WORLD_M and not has_track:
         raise InputError(f'{where}: it lies {np.min(away_m) / 1000:.4g} km from the track; the limit is '
                          f'{WORLD_M / 1000:g} km; check the origin ({origin}), and which map belongs to the track',
                          field='origin')
     is_kept = (away_m == 0) | [(one.name or '').strip().lower() == INSIDE for one in kept]
-    nearest = f' (the nearest is {np.min(away_m):.0f} m away)' if not np.any(is_kept) else ''
+    nearest = f' (the nearest is {np.min(away_m):.0f} m away)' if 0 < np.min(away_m) < WORLD_M else ''
     far = counted(int(np.sum(~is_kept)), 'obstacle')
     note = f'left out: {far} far from the track{nearest}' if not np.all(is_kept) else ''
     return [one if is_one else None for one, is_one in zip(out, is_kept, strict=True)], note

@@ -1,4 +1,5 @@
 """``route`` on the command line: scenes from drawings, round trips, paths from bags, and rejected input."""
+import json
 import re
 import struct
 
@@ -154,3 +155,21 @@ def test_a_recording_with_noise_becomes_a_track_near_the_way_that_was_walked(cap
     assert float(said[1]) <= float(said[2]) <= 13
     track = LineString(compile_scene(load_scene(str(tmp_path / 'a.yaml'))).track_line(1e-3))
     assert np.max(distance(points(way[20:-20]), track)) < 3
+
+
+def test_obstacles_beside_the_chosen_line_are_left_out_however_far_away_they_are(capsys, tmp_path):
+    pytest.importorskip('pyproj')
+    places = {'near': (120.1502, 30.25002), 'far': (-70, 40)}
+    features = [{'type': 'Feature', 'properties': {'name': 'way'}, 'geometry': {
+        'type': 'LineString', 'coordinates': [[120.15, 30.25], [120.151, 30.25]]}}]
+    for name, (lon, lat) in places.items():
+        features.append({'type': 'Feature', 'properties': {'name': name}, 'geometry': {'type': 'Polygon', 'coordinates': [
+            [[lon, lat], [lon + 1e-5, lat], [lon, lat + 1e-5], [lon, lat]]]}})
+    for kept, names in ((features, ['near']), (features[::2], [])):
+        (tmp_path / 'way.geojson').write_text(json.dumps({'type': 'FeatureCollection', 'features': kept}))
+        code, out, err = run(capsys, tmp_path / 'way.geojson', '--set', 'dragon.benches=5', '--output',
+                             tmp_path / 'a.yaml')
+        assert code == 0, err
+        assert 'way.geojson: left out: 1 obstacle far from the track\n' in out
+        venue = load_scene(str(tmp_path / 'a.yaml')).venue
+        assert [one.name for one in (venue.obstacles if venue else ())] == names

@@ -1,6 +1,6 @@
 import pytest
 
-from dragon_ros.core.words import counted
+from dragon_ros.core.words import counted, length
 
 
 @pytest.mark.parametrize(('given', 'text'), [
@@ -14,3 +14,10 @@ def test_a_count_agrees_with_its_noun_and_its_verb(given, text):
 
 def test_large_counts_can_be_grouped():
     assert (counted(1234567, 'row', form=','), counted(1, 'row', form=',')) == ('1,234,567 rows', '1 row')
+
+
+@pytest.mark.parametrize(('metres', 'text'), [
+    (0.0, '0 mm'), (4e-14, '0 mm'), (1e-5, '0.1 mm'), (0.00419, '4.2 mm'), (0.02, '20 mm'), (0.0203, '21 mm'),
+    (0.05, '50 mm'), (1.0, '1.00 m'), (0.9995, '1.00 m'), (13.941, '13.95 m'), (13.0, '13.00 m')])
+def test_a_length_has_the_digits_of_a_tape_measure_and_is_not_too_small(metres, text):
+    assert length(metres) == text

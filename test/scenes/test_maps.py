@@ -114,3 +114,15 @@ def test_an_archive_is_unpacked_within_budgets(tmp_path):
             archive.writestr(f'{n}.png', b'')
     with pytest.raises(DragonError, match='holds 1001 files'):
         read_drawing(path)
+
+
+def test_a_polygon_that_was_added_to_an_openstreetmap_export_is_an_obstacle(tmp_path):
+    square = [[0, 0], [4, 0], [4, 4], [0, 4], [0, 0]]
+    features = [{'type': 'Feature', 'properties': properties, 'geometry': {
+        'type': 'Polygon', 'coordinates': [[[x + 9 * n, y] for x, y in square]]}} for n, properties in enumerate((
+            {'building': 'yes', '@id': 'way/1'}, {'landuse': 'grass', '@id': 'way/2'}, {'@id': 'way/3', 'layer': '1'},
+            {'name': 'stall', 'fill': '#f00'}))]
+    drawing = read(tmp_path, 'a.geojson', json.dumps({'type': 'FeatureCollection', 'units': 'm', 'features': features}))
+    found = venue_of(drawing, None)
+    assert [one['name'] for one in found.values['obstacles']] == ['obstacle 1', 'stall']
+    assert found.notes == ('a.geojson: not obstacles: 1 landuse, 1 features without a kind',)
