@@ -1,8 +1,8 @@
 """Read the obstacles of a venue from a map, and the boundary: a polygon named ``inside``.
 
 In a map with OpenStreetMap's tags, buildings, water, barriers and the like are obstacles, and so are polygons that were
-added to it; streets are not. In any other map, all polygons and lines are obstacles. The property ``name`` of a feature is its name; repeated names are
-numbered.
+added to it; streets are not. In any other map, all polygons and lines are obstacles. The property ``name`` of a feature
+is its name; repeated names are numbered.
 """
 from collections import Counter
 from collections.abc import Iterable, Iterator

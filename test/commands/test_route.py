@@ -163,8 +163,9 @@ def test_obstacles_beside_the_chosen_line_are_left_out_however_far_away_they_are
     features = [{'type': 'Feature', 'properties': {'name': 'way'}, 'geometry': {
         'type': 'LineString', 'coordinates': [[120.15, 30.25], [120.151, 30.25]]}}]
     for name, (lon, lat) in places.items():
-        features.append({'type': 'Feature', 'properties': {'name': name}, 'geometry': {'type': 'Polygon', 'coordinates': [
-            [[lon, lat], [lon + 1e-5, lat], [lon, lat + 1e-5], [lon, lat]]]}})
+        corners = [[lon, lat], [lon + 1e-5, lat], [lon, lat + 1e-5], [lon, lat]]
+        features.append({'type': 'Feature', 'properties': {'name': name}, 'geometry': {
+            'type': 'Polygon', 'coordinates': [corners]}})
     for kept, names in ((features, ['near']), (features[::2], [])):
         (tmp_path / 'way.geojson').write_text(json.dumps({'type': 'FeatureCollection', 'features': kept}))
         code, out, err = run(capsys, tmp_path / 'way.geojson', '--set', 'dragon.benches=5', '--output',
