@@ -362,7 +362,7 @@ def _draw_room(axes: 'Axes', plan: Plan, sheet: Sheet, labels: Labels) -> None:
         labels.take(ends, 2.0)
         label = plan.say('room', room=left_m + right_m)
         if (offset := labels.placed(point, label, around(label))) is not None:
-            labels.write(point, label, offset, zorder=7,
+            labels.write(point, label, offset, zorder=7, bbox=_PLAIN,
                          arrowprops={'arrowstyle': '-', 'color': QUIET, 'linewidth': 0.5})
 
 

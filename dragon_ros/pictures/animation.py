@@ -97,7 +97,7 @@ class AnimatedFigure:
         self._point_m, self._gap = contact_of(zoom, source), smallest_gap(source.venue)
         self._touch = source.first_touch(progress) if source.venue is not None else None     # by obstacles
         samples = source.moments(times_s[thinned(0, len(times_s) - 1, _SAMPLES)])
-        self._whole = window(source.track, samples)
+        self._whole = window(source.track, samples, source.venue)
         self._seen = self._whole if zoom is None else zoom.window(first, self._point_m)
         layout = film_layout(*film, zoom is not None) if film else None
         self.figure, axes, small = self._laid_out(layout, dpi)

@@ -49,7 +49,7 @@ def dragon_picture(source: Source, times_s: list[float], zoom: Zoom | None = Non
     shown, point_m = [moment(source, t_s) for t_s in times_s], contact_of(zoom, source)
     columns = min(len(shown), 2)
     rows = -(-len(shown) // columns)
-    whole = window(source.track, shown)
+    whole = window(source.track, shown, source.venue)
     widths = (1.0,) if zoom is None else (1.0, INSET_WIDTH)
     longest_in = min(_LARGEST_IN, (PAGE_IN / columns - _DECORATION_IN[0]) / sum(widths))
     inches, seen = panel(whole if zoom is None else zoom.window(shown[0], point_m), longest_in)
@@ -107,7 +107,7 @@ def contact_picture(source: Source, touch: Touch) -> Figure:
     """Return a figure of the whole dragon at the contact, with a close-up (like figure 8 of the paper)."""
     one = moment(source, touch.t_s)
     side_in = 0.5 * PAGE_IN - _DECORATION_IN[0]
-    inches, seen = panel(window(source.track, [one]), side_in)
+    inches, seen = panel(window(source.track, [one], source.venue), side_in)
     figure = Figure(figsize=sheet(np.array((inches[0] + side_in, max(inches[1], side_in))), (2, 1)))
     whole, close = figure.subplots(1, 2, gridspec_kw={'width_ratios': (inches[0], side_in)})
     draw(whole, seen, source.track, one, touch.benches, source.venue)
@@ -289,7 +289,7 @@ def draw_on(source: Source, t_s: float | None = None, ax: Axes | None = None) ->
     """Draw a dragon at a time (by default, the last) on Matplotlib axes, by default new ones, and return the axes."""
     from matplotlib import pyplot as plt
     one = moment(source, source.span_s[1] if t_s is None else number('t_s', t_s))
-    inches, seen = panel(window(source.track, [one]), 6.4)
+    inches, seen = panel(window(source.track, [one], source.venue), 6.4)
     axes = plt.subplots(figsize=tuple(inches + 0.8))[1] if ax is None else ax
     draw(axes, seen, source.track, one, venue=source.venue)
     axes.set_title(f'{counted(len(one.benches.centre), "bench")} at {one.t_s:g} s')

@@ -530,3 +530,11 @@ def test_pictures_can_be_read_in_black_and_white():
         lines = speeds_picture(source, [400.0, 404.0, 408.0, 412.0]).axes[0].lines
     assert [one.get_hatch() for one in dragon.collections[:2]] == [None, figures.HATCH]
     assert len({str(line.get_linestyle()) + str(line._dash_pattern) for line in lines}) == 4
+
+
+def test_a_picture_shows_all_obstacles_beside_the_dragon():
+    source = SceneSource('square', load_scene('square'))
+    axes = dragon_picture(source, [100.0]).axes[0]
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    for one in source.venue.obstacles:
+        assert all(left < x < right and bottom < y < top for x, y in one.points_m), one.name

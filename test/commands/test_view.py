@@ -442,6 +442,28 @@ def test_the_first_frame_is_drawn_before_the_contact_is_searched(scene, page):
         page.wait('return document.body.dataset.ready === "yes"')
 
 
+def test_the_first_window_is_the_whole_one_though_the_page_got_another_size_before_the_contact_was_known(scene, page):
+    class Slow(SceneSource):
+        def first_touch(self, progress):
+            wait.wait(60)
+            return super().first_touch(progress)
+    wait = threading.Event()
+    settled = ('const plot = element("scene"); return plot._fullLayout.height === plot.clientHeight '
+               '&& player.outline === outline()')
+    page.look(1200, 900)
+    with serving(Slow('slow', scene)) as server:
+        page.open(server.url)
+        page.wait('return document.body.dataset.drawn === "yes"')
+        for size in ((900, 900), (1200, 500), (1200, 900)):
+            page.look(*size)
+            page.wait(settled)
+        wait.set()
+        page.wait('return document.body.dataset.ready === "yes"')
+        page.wait('const {xaxis, yaxis} = element("scene")._fullLayout, whole = wholeRange(); '
+                  'return [xaxis, yaxis].some(({range, _name}) => range.every((end, n) => '
+                  'Math.abs(end - whole[`${_name}.range`][n]) < 1e-6))')
+
+
 def test_an_animation_as_a_page_runs_its_own_scripts_and_nothing_else(tmp_path, scene):
     source, path = SceneSource('short', scene), tmp_path / 'run.html'
     write_page(source, source.ticks_s(412.0, 412.1, 2), 2.0, path, iter)

@@ -19,7 +19,7 @@ let query = location.search;            // selects the run to show if the server
 let asking = new AbortController();     // cancels the requests about the shown run
 let prepare = async () => {};           // try.js replaces this first step
 const chunks = new Map();
-const player = {t: 0, tick: 0, playing: false, pace: 1, last: 0, drawing: false, wanted: null, turn: Promise.resolve()};
+const player = {whole: true, t: 0, tick: 0, playing: false, pace: 1, last: 0, drawing: false, wanted: null, turn: Promise.resolve()};
 
 /** Change the scene's plot after earlier changes: the two axes lose their common scale if a change overtakes another. */
 function inTurn(change) {
@@ -179,8 +179,15 @@ function headOf(frame) {
   return sum;
 }
 
+/** Show the whole window, also after later changes of the page's size, which would otherwise only enlarge it. */
+function lookAtWhole() {
+  player.whole = true;
+  return inTurn(() => Plotly.relayout('scene', wholeRange()));
+}
+
 /** Show a window around a place; `ratio` changes its size. */
 function lookAt([x, y], ratio = 1) {
+  player.whole = false;
   return inTurn(() => {
     const {xaxis, yaxis} = element('scene')._fullLayout;
     const [wide, high] = [xaxis, yaxis].map(({range}) => 0.5 * ratio * (range[1] - range[0]));
@@ -229,6 +236,7 @@ function pinch(scene) {
     const y = yaxis.p2d((a.clientY + b.clientY) / 2 - box.top - yaxis._offset);
     const now = apart(event.touches), ratio = before / now;
     before = now;
+    player.whole = false;
     const about = ({range}, at) => range.map((end) => at + ratio * (end - at));
     Plotly.relayout(scene, {'xaxis.range': about(xaxis, x), 'yaxis.range': about(yaxis, y)});
   }, {passive: false});
@@ -264,14 +272,17 @@ async function drawScene(frame) {
     marker: {symbol: 'circle-open', size: 15, color: colour('ink'), line: {width: 1.6}}, hovertemplate: say('contact') + '<br>%{x:.6f}, %{y:.6f} m<extra></extra>'};
   const walls = run.walls ? [{x: run.walls[0], y: run.walls[1], type: 'scatter', mode: 'lines', name: say('walls'),
     line: {color: colour('quiet'), width: 1.6, simplify: false}, hoverinfo: 'skip'}] : [];
-  const shown = element('scene').layout;
-  const range = wholeRange();
-  await Plotly.newPlot('scene', [track, ...benches, point, ...walls], layout({dragmode: 'pan',
-    xaxis: axis('x (m)', {range: shown ? shown.xaxis.range : range['xaxis.range']}),
-    yaxis: axis('y (m)', {range: shown ? shown.yaxis.range : range['yaxis.range'], scaleanchor: 'x'})}), settings());
+  const range = wholeRange(), shown = player.whole ? null : element('scene').layout;
+  await Plotly.newPlot('scene', [track, ...benches, point, ...walls], layout({dragmode: 'pan', margin: {l: 72, r: 16, t: 8, b: 50},
+    xaxis: axis('x (m)', {automargin: false, range: shown ? shown.xaxis.range : range['xaxis.range']}),
+    yaxis: axis('y (m)', {automargin: false, range: shown ? shown.yaxis.range : range['yaxis.range'], scaleanchor: 'x'})}),
+  {...settings(), responsive: false});          // refit does it
   player.outline = null;
   await scaleOutlines();
-  element('scene').on('plotly_relayout', () => scaleOutlines().catch(complain));
+  element('scene').on('plotly_relayout', (change) => {
+    if ('xaxis.range[0]' in change) player.whole = false;       // dragged or zoomed by the mouse
+    scaleOutlines().catch(complain);
+  });
   element('scene').on('plotly_relayouting', () => { drawMany(player.frame); sayScale(); });
   legend();
 }
@@ -407,6 +418,7 @@ function pause() {
 async function zoomToContact() {
   pause();
   await follow(false);
+  player.whole = false;
   const [x, y] = contact.point_m, reach = 0.65 * run.length_m;
   player.tick = tickAt(contact.t_s);
   player.t = run.times_s[player.tick];
@@ -440,7 +452,7 @@ function connect() {
   element('forward').addEventListener('click', () => by(1));
   element('scrub').addEventListener('input', (event) => to(Number(event.target.value)));
   element('pace').addEventListener('change', (event) => { player.pace = Number(event.target.value); });
-  element('whole').addEventListener('click', async () => { if (!built('scene')) return; await follow(false); await inTurn(() => Plotly.relayout('scene', wholeRange())); });
+  element('whole').addEventListener('click', async () => { if (!built('scene')) return; await follow(false); await lookAtWhole(); });
   element('follow').addEventListener('click', () => follow(!player.following).catch(complain));
   pinch(element('scene'));
   element('contact').addEventListener('click', () => zoomToContact().catch(complain));
@@ -485,6 +497,7 @@ function describeContact() {
 async function refit() {
   if (!player.frame || !element('scene')._fullLayout) return;
   await inTurn(() => Plotly.Plots.resize('scene'));
+  if (player.whole) await lookAtWhole();
   await scaleOutlines();
 }
 
