@@ -6,6 +6,7 @@ so that a monitor can observe that dragon.
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from math import inf
 
 import numpy as np
 
@@ -176,14 +177,16 @@ def checked_stamp(t_ns: int) -> int:
     return t_ns
 
 
-def read_handles(data: bytes, below_m: float = COORDINATE_M) -> Poses:
+def read_handles(data: bytes, below_m: float = COORDINATE_M, most: float = inf) -> Poses:
     """Return the poses of a PoseArray.
 
-    Raises MessageError if the poses cannot be the handles of a dragon whose coordinates are smaller than ``below_m``.
+    Raises MessageError if the poses cannot be the handles of a dragon with at most ``most`` handles, whose coordinates
+    are smaller than ``below_m``.
     """
     poses = read_pose_array(data)
-    if len(poses.poses) < 2:
-        raise MessageError(f'handles: the number of poses is {len(poses.poses)}; a dragon has at least two handles')
+    if not 2 <= len(poses.poses) <= most:
+        span = 'at least two' if most == inf else f'2 to {most:.0f}'
+        raise MessageError(f'handles: the number of poses is {len(poses.poses)}; a dragon has {span} handles')
     _finite('handles: position', poses.poses[:, :2], below_m)
     return poses
 

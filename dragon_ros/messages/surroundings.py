@@ -7,7 +7,7 @@ import numpy as np
 
 from dragon_ros.core.geometry.occupancy import outlines
 from dragon_ros.core.geometry.venue import LINE, WITHIN, PlanePose, Surroundings
-from dragon_ros.core.limits import MAP_BYTES
+from dragon_ros.core.limits import MAP_BYTES, MAP_EDGES
 from dragon_ros.core.numerics.types import Complexes, Floats
 from dragon_ros.core.venue import FARTHEST_M, INSIDE
 from dragon_ros.messages.decode import Markers, MessageError, Reader, read_marker_array
@@ -59,9 +59,13 @@ def read_venue(data: bytes) -> Located:
 def _surroundings(markers: Markers, drawn: list[int], names: dict[int, str]) -> Surroundings | None:
     """Return the surroundings described by markers."""
     starts, stops, owner, titles, sides = [], [], [], list[str](), list[int]()
+    count = 0
     for marker in drawn:
         start, stop = _edges(markers, marker)
         apart = start != stop
+        count += int(np.count_nonzero(apart))
+        if count > MAP_EDGES:
+            raise MessageError(f'venue: it has more than {MAP_EDGES} edges; simplify its obstacles')
         if not np.any(apart):
             continue
         number = int(markers.id[marker])

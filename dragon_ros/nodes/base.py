@@ -4,6 +4,7 @@ from types import MappingProxyType
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.clock import Clock, ClockType
 from rclpy.exceptions import InvalidParameterValueException, ParameterException
 from rclpy.node import Node
@@ -11,12 +12,14 @@ from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSPolicyKind
 from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.service import Service
 from rclpy.subscription import Subscription
 
 from dragon_ros.core.errors import DragonError, InputError, did_you_mean, shown
 from dragon_ros.nodes import logs, qos, rclpy_internals, shell
 from dragon_ros.nodes.params import NAMES, Parameter
 
+_TYPES = frozenset(kind.value for kind in RosParameter.Type)
 _KINDS = {bool: 'true or false', int: 'a whole number', float: 'a number', str: 'text'}
 
 
@@ -80,6 +83,22 @@ def descriptor_of(parameter: Parameter) -> ParameterDescriptor:
         else:
             out.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
     return out
+
+
+def _with_known_types(callback: Any) -> Any:
+    """Return the callback of a service that sets parameters, which refuses types that rclpy does not know."""
+    def set_parameters(request: Any, response: Any) -> Any:
+        unknown = [one for one in request.parameters if one.value.type not in _TYPES]
+        if not unknown:
+            return callback(request, response)
+        refused = SetParametersResult(successful=False, reason=f'parameter {shown(unknown[0].name)}: its type, '
+                                      f'{unknown[0].value.type}, is unknown; nothing is set')
+        if isinstance(response, SetParameters.Response):
+            response.results = [refused] * len(request.parameters)
+        else:
+            response.result = refused
+        return response
+    return set_parameters
 
 
 NAMESPACE = '/dragon'
@@ -156,6 +175,12 @@ class DragonNode(Node):
         """Return a topic's full name, as rclpy does. Raises InputError if the name is invalid."""
         with shell.in_one_line(f'topic {shown(topic)}'):
             return str(super().resolve_topic_name(topic, only_expand=only_expand))
+
+    def create_service(self, srv_type: Any, srv_name: str, callback: Any, **options: Any) -> Service:
+        """Create a service as rclpy does; those of parameters refuse unknown types, at which rclpy raises."""
+        if srv_type in (SetParameters, SetParametersAtomically):
+            callback = _with_known_types(callback)
+        return super().create_service(srv_type, srv_name, callback, **options)
 
     def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any, **options: Any) -> Publisher:
         """Create a publisher as rclpy does, with its QoS overrides. Raises InputError if an override is invalid."""

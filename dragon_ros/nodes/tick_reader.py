@@ -4,7 +4,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
-from dragon_ros.core.domain import COORDINATE
+from dragon_ros.core.domain import BENCHES, COORDINATE
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.geometry.contacts import Observation
 from dragon_ros.core.geometry.tracker import NS
@@ -40,7 +40,8 @@ class TickReader:
         self.dropped = 0
         self._node, self._expect, self._observe, self._seldom = node, expect, observe, Seldom(1.0)
         self._read: dict[str, Callable[[bytes], Any]] = {
-            'handles': partial(read_handles, below_m=COORDINATE.high), 'benches': BenchReader().read}
+            'handles': partial(read_handles, below_m=COORDINATE.high, most=BENCHES.high + 1),
+            'benches': BenchReader().read}
         self._inbox = Inbox(node, self.sources, self._take, self._examine, skip, held, wait)
         self._pairs, self._numbers = Synchronizer(), dict[int, int]()       # sequence numbers of handles, by stamp
         self._complete: list[tuple[Pair, int]] = []     # ticks to examine, with the sequence numbers of their handles

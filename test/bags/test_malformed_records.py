@@ -31,6 +31,19 @@ def test_a_malformed_record_is_damage(tmp_path, bag_bytes, kind):
         BagReader(path)
 
 
+@pytest.mark.parametrize('kind', KINDS)
+def test_a_malformed_record_is_the_only_damage_that_a_reader_finds(tmp_path, kind):
+    path = tmp_path / 'a.mcap'
+    schema = record(Opcode.SCHEMA, struct.pack('<H', 1) + text('std_msgs/msg/String') + text('ros2msg') + text(''))
+    head = (MAGIC + record(Opcode.HEADER, text('ros2') + text('')) + schema
+            + record(Opcode.CHANNEL, channel(1, schema=1)))
+    end = MESSAGE + record(Opcode.DATA_END, bytes(4)) + record(Opcode.FOOTER, bytes(20)) + MAGIC
+    path.write_bytes(head + end)
+    BagReader(path).close()
+    path.write_bytes(head + record(kind, b'\xff' * 3) + end)
+    assert_damaged(path, f'byte {len(head)} of')
+
+
 def test_a_file_that_does_not_begin_with_its_header_is_damaged(tmp_path):
     path = tmp_path / 'a.mcap'
     path.write_bytes(MAGIC + record(Opcode.METADATA, bytes(8)) + record(Opcode.DATA_END, bytes(4))

@@ -8,6 +8,7 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.core.geometry.venue import LINE, OUTSIDE, WITHIN, joined, surroundings_of
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
+from dragon_ros.messages import surroundings
 from dragon_ros.messages.cdr import Writer
 from dragon_ros.messages.decode import MessageError
 from dragon_ros.messages.latched import latched_messages
@@ -82,6 +83,16 @@ def test_a_message_without_edges_empties_the_venue():
 def test_an_unusable_venue_is_refused_with_the_reason(data, why):
     with pytest.raises(MessageError, match=why):
         read_venue(data)
+
+
+def test_a_venue_of_too_many_edges_is_refused(monkeypatch):
+    monkeypatch.setattr(surroundings, 'MAP_EDGES', 2)
+    square = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    assert read_venue(markers((line(LINE_STRIP), square[:3], 'hall'))).around.start.size == 2
+    for data in (markers((line(LINE_STRIP), square, 'hall')),
+                 markers((line(LINE_STRIP), square[:3], 'hall'), (line(number=1), square[:2], 'hall'))):
+        with pytest.raises(MessageError, match='more than 2 edges'):
+            read_venue(data)
 
 
 def test_cells_from_the_threshold_on_are_obstacles_where_the_rotated_origin_puts_them():

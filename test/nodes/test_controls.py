@@ -12,7 +12,7 @@ pytest.importorskip('rclpy')
 
 from controls import Caller, called
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
-from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters, SetParametersAtomically
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
@@ -45,6 +45,9 @@ class Remote:
         self._node.until(future.done)
         self._node.destroy_client(client)
         return future.result()
+
+    def ask(self, kind, request):
+        return self._ask(kind, {SetParameters: 'set_parameters'}.get(kind, 'set_parameters_atomically'), request)
 
     def call(self, name):
         answer = self._ask(Trigger, name, Trigger.Request())
@@ -168,6 +171,19 @@ def test_a_parameter_that_cannot_be_is_refused_with_the_reason_and_keeps_its_val
         assert (name, value, accepted) == (name, value, False)
         assert says in reason
         assert paused.get(name) == before
+
+
+@pytest.mark.parametrize('name', ['sim', 'monitor', 'record'])
+def test_parameters_of_a_type_that_does_not_exist_are_refused_and_the_node_lives_on(start, node, tmp_path, name):
+    process = start(name, *(['--output', tmp_path / 'a.mcap'] if name == 'record' else []))
+    remote = Remote(node, f'/dragon/{name}')
+    odd = Parameter(name='use_sim_time', value=ParameterValue(type=99))
+    many = remote.ask(SetParameters, SetParameters.Request(parameters=[odd, odd])).results
+    one = remote.ask(SetParametersAtomically, SetParametersAtomically.Request(parameters=[odd])).result
+    assert [(row.successful, row.reason) for row in (*many, one)] == 3 * [
+        (False, "parameter 'use_sim_time': its type, 99, is unknown; nothing is set")]
+    assert not remote.get('use_sim_time').bool_value
+    assert process.running
 
 
 def test_a_running_sim_takes_both_ends_of_every_live_parameter_and_plays_on(paused, node):

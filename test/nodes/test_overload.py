@@ -9,6 +9,7 @@ from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.record.loss_accounting import RECEIVED
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.core.step import tick
+from dragon_ros.messages.cdr import Writer
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
 from dragon_ros.messages.observation import read_benches
@@ -71,6 +72,21 @@ def test_handles_whose_benches_do_not_come_in_time_are_counted_and_logged(monito
     monitor._on_timer()
     assert monitor.dropped == 1
     assert 'handles at 412.200000000 s: no benches arrived with that stamp' in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(('x_m', 'count', 'why'), [
+    (1e5, 3, 'expected finite numbers below 10000'),
+    (0.0, 20_002, 'the number of poses is 20002; a dragon has 2 to 20001 handles')])
+def test_a_monitor_drops_handles_outside_the_world(monitor, capfd, x_m, count, why):
+    writer = Writer()
+    writer.header('dragon', 0)
+    writer.put('I', count)
+    writer.put('d', x_m, *[0.0] * (7 * count - 1))
+    monitor._ticks._inbox.put('handles', channels()['handles'].type, bytes(writer.finish()), info(1))
+    while monitor._ticks._inbox._waiting:
+        monitor._ticks._inbox.work()
+    assert monitor.dropped == 1
+    assert why in capfd.readouterr().err
 
 
 def test_a_monitor_that_cannot_follow_skips_whole_ticks_and_says_so_and_what_it_may_miss(monitor, node, messages,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, DataEnd, Header, Metadata
+from mcap.records import Channel, DataEnd, Header
 
 from dragon_ros.bags.check.capped_log import CappedLog
 from dragon_ros.bags.read.folder import files_of, unlisted
@@ -25,7 +25,7 @@ from dragon_ros.bags.read.mcap import (
     summary_index,
 )
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.limits import CHECKED_TIMES, RECORD_BYTES
+from dragon_ros.core.limits import CHECKED_TIMES
 from dragon_ros.core.numerics.types import Ints, distinct
 from dragon_ros.core.scene import NS, Run
 from dragon_ros.messages.length import LengthCheck
@@ -103,7 +103,6 @@ def _examine(contents: Contents, file: McapFile, progress: Callable[[int], objec
         progress(batch.place.end - batch.place.offset)
     for line in scanned.lacking:
         contents.problems.note(f'{file.path}: is damaged: {line}')
-    _check_others(contents, file, scanned)
     _hold_summary(contents, file, scanned)
     if scanned.data_end:
         _check_data_crc(contents, file, scanned)
@@ -175,17 +174,6 @@ def _check_of(index: Index, channel: Channel) -> LengthCheck | str:
     if not is_schema_of(schema.name, schema.data.decode(errors='replace')):
         return f'the schema of {schema.name} is not known here'
     return LengthCheck(schema.name)
-
-
-def _check_others(contents: Contents, file: McapFile, scanned: Index) -> None:
-    """Report metadata and attachments that cannot be parsed, since other readers stop there; skip large records."""
-    for places, parse in ((scanned.metadata, Metadata.read), (scanned.attachments, Attachment.read)):
-        for place in places:
-            try:
-                if place.length <= RECORD_BYTES:
-                    file.fields(place, parse)
-            except BagError as error:
-                contents.problems.note(error)
 
 
 def _hold_summary(contents: Contents, file: McapFile, scanned: Index) -> None:

@@ -25,12 +25,14 @@ import zstandard
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import (
+    Attachment,
     AttachmentIndex,
     Channel,
     ChunkIndex,
     DataEnd,
     Footer,
     Header,
+    Metadata,
     MetadataIndex,
     Schema,
     Statistics,
@@ -567,8 +569,10 @@ _DATA = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.ATTACHMENT, Opcode.METADATA)
 # Records that a scan only parses, because other readers stop at a malformed one.
 _PARSED: dict[int, Callable[[ReadDataStream], object]] = {
     Opcode.HEADER: Header.read, Opcode.DATA_END: DataEnd.read, Opcode.STATISTICS: Statistics.read,
+    Opcode.METADATA: Metadata.read, Opcode.ATTACHMENT: Attachment.read,
     Opcode.CHUNK_INDEX: ChunkIndex.read, Opcode.METADATA_INDEX: MetadataIndex.read,
     Opcode.ATTACHMENT_INDEX: AttachmentIndex.read, Opcode.SUMMARY_OFFSET: SummaryOffset.read}
+_LARGE = (Opcode.METADATA, Opcode.ATTACHMENT)      # they may exceed the limit, and are then not read
 
 
 class _Scan:
@@ -627,12 +631,12 @@ class _Scan:
             self._number(place)
         elif place.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
             index.file.fields(place, lambda fields: index.learn(place.opcode, fields.read(place.length), place.offset))
-        elif place.opcode == Opcode.METADATA:
+        elif place.opcode in _PARSED and (place.opcode not in _LARGE or place.length <= RECORD_BYTES):
+            index.file.fields(place, _PARSED[place.opcode])
+        if place.opcode == Opcode.METADATA:
             index.metadata.append(place)
         elif place.opcode == Opcode.ATTACHMENT:
             index.attachments.append(place)
-        elif place.opcode in _PARSED:
-            index.file.fields(place, _PARSED[place.opcode])
 
     def _number(self, place: Location) -> None:
         """Count the messages listed in one of a chunk's indexes."""
