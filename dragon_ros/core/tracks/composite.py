@@ -402,19 +402,13 @@ def track_of(spec: TrackSpec, direction: int = BEHIND) -> Track:
     of the first piece on a composite track.
     """
     if isinstance(spec, Spiral):
-        if direction == BEHIND:
-            return spiral_track(spec, 0.0, may_lock=True)
-        return spiral_track(spec, spec.start)
+        last, may_lock = (0.0, True) if direction == BEHIND else (spec.start, False)
+        return Track((SpiralSegment(SpiralCurve.of(spec), 0j, 1 + 0j, 1, BEHIND, inf, last),), (0.0,), may_lock)
     if isinstance(spec, STurn):
         return Track(*s_turn_segments(spec))
     track = _composite(spec)
     number('track.start_m', spec.start_m, high=track.end_m, low=max(track.begin_m, -TRACK.high))
     return track
-
-
-def spiral_track(spiral: Spiral, last_rad: float, may_lock: bool = False) -> Track:
-    """Return the track of one spiral that winds in from infinity to a polar angle; its start is at distance 0."""
-    return Track((SpiralSegment(SpiralCurve.of(spiral), 0j, 1 + 0j, 1, BEHIND, inf, last_rad),), (0.0,), may_lock)
 
 
 def _composite(spec: Composite) -> Track:

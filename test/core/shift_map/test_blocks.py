@@ -23,7 +23,7 @@ from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
 from dragon_ros.core.shift_map.build import Stretch, build, span_of
 from dragon_ros.core.shift_map.table import ShiftMap
 from dragon_ros.core.step import state
-from dragon_ros.core.tracks.composite import Place, spiral_track, track_of
+from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 from hard_cases import hard_cases
@@ -183,7 +183,7 @@ def test_benches_of_any_mix_are_where_the_march_puts_them(mix, direction, part):
 @examples(50)
 @given(st.floats(0, 380))
 def test_behind_a_head_on_one_spiral_blocks_are_where_the_march_is(travel_m):
-    track, links = spiral_track(Spiral(), 0.0), np.array([2.86, 2.0] + [1.65] * 40 + [1.2] + [0.8] * 40)
+    track, links = track_of(Spiral()), np.array([2.86, 2.0] + [1.65] * 40 + [1.2] + [0.8] * 40)
     place, head = placement(track, links, BEHIND), track.place_at(travel_m)
     one, other = place.place(head), marched(track, links, head, BEHIND)
     assert [len(shift.tiles) for shift in place.maps.values()] == [1, 1]
@@ -202,7 +202,7 @@ def test_a_scene_of_mixed_benches_has_a_shift_map_for_each_long_block(speed):
 
 
 def test_close_to_the_centre_a_mix_without_a_table_is_marched():
-    track, links = spiral_track(Spiral(), 0.0), np.array([0.5] + [1.65] * 40)
+    track, links = track_of(Spiral()), np.array([0.5] + [1.65] * 40)
     place, head = placement(track, links, BEHIND), Place(0, 13.0)
     chain, other = place.place(head), marched(track, links, head, BEHIND)
     assert chain.solver == 'march'
@@ -212,7 +212,7 @@ def test_close_to_the_centre_a_mix_without_a_table_is_marched():
 
 
 def test_a_mix_that_locks_names_its_link():
-    track, links = spiral_track(Spiral(), 0.0), np.array([1.0] + [5.0] * 20)
+    track, links = track_of(Spiral()), np.array([1.0] + [5.0] * 20)
     place = placement(track, links, BEHIND)
     with pytest.raises(ChainLockError, match='link 1 of 5 m'):
         place.place(Place(0, 8.0))
