@@ -6,7 +6,7 @@ length of the link, the smallest root vanishes and the speed of the follower bec
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from itertools import accumulate, pairwise
-from math import cos, inf, pi, sin, sqrt, ulp
+from math import cos, inf, pi, sin, sqrt
 
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.tracks.spiral import chord_of, first_guess, first_peak, step
@@ -22,7 +22,7 @@ def lock_angle(chord: float) -> float:
     low, high = 0.5 * (chord - 1.5 * pi), 0.5 * (chord - pi)
     if chord <= chord_of(_first_with_peak(), first_peak(_first_with_peak(), pi)[0]):
         return 0.0
-    return _first_at_least_0(lambda theta: chord_of(theta, first_peak(theta, pi)[0]) - chord,
+    return _zero_of(lambda theta: chord_of(theta, first_peak(theta, pi)[0]) - chord,
                              max(low, _first_with_peak()), high)
 
 
@@ -95,23 +95,11 @@ def _first_with_peak() -> float:
     return _bisect(lambda theta: first_peak(theta, pi)[0] < inf, 0.5, 2.0)
 
 
-def _first_at_least_0(value: Callable[[float], float], low: float, high: float) -> float:
-    """Return the smallest float in (low, high] at which an increasing function is at least 0.
-
-    The function must be at least 0 at ``high``. A bracket, initially a few ulps wide, is placed next to the result of
-    regula falsi and then bisected.
-    """
+def _zero_of(value: Callable[[float], float], low: float, high: float) -> float:
+    """Return where an increasing function reaches 0 in (low, high]; there, it is at least 0."""
     at_low, at_high = value(low), value(high)
     if -inf < at_low < 0 < at_high:
-        near = illinois(value, low, high, at_low, at_high)
-        wide, sign = ulp(near), -1.0 if value(near) >= 0 else 1.0
-        while low < (end := near + sign * wide) < high:
-            if (value(end) >= 0) == (sign > 0):
-                low, high = min(near, end), max(near, end)
-                break
-            near, wide = end, 4 * wide
-        else:
-            low, high = (low, near) if sign < 0 else (near, high)
+        return illinois(value, low, high, at_low, at_high)
     return _bisect(lambda x: value(x) >= 0, low, high)
 
 
@@ -152,7 +140,7 @@ def turns(chord: float) -> list[float]:
     for low, high in pairwise(ends):
         sign = -1.0 if _inwards(low, chord) > 0 else 1.0
         if (_inwards(high, chord) > 0) == (sign > 0):
-            out.append(_first_at_least_0(
+            out.append(_zero_of(
                 lambda theta, sign=sign: sign * _inwards(theta, chord), low, high))     # type: ignore[misc]
     return out
 
