@@ -38,3 +38,13 @@ def test_illinois_has_order_1_44():
         logs = errors_of(seen, mpmath.log(2))
     cycles = [logs[n + 3] / logs[n] for n in range(len(logs) - 4, len(logs) - 10, -1) if logs[n] < -3]
     assert np.exp(np.mean(np.log(cycles)) / 3) == pytest.approx(3 ** (1 / 3), abs=0.06)
+
+
+@pytest.mark.parametrize(('low', 'high'), [(1.0, 2.0), (2.0, 1.0), (1.4, 1.5), (0.0, 1e6)])
+@pytest.mark.parametrize('sign', [1.0, -1.0])
+def test_illinois_ends_at_the_root_where_the_function_has_the_sign_of_the_high_end(low, high, sign):
+    def f(x):
+        return sign * (x * x - 2.0)     # no float is a root
+    x = illinois(f, low, high, f(low), f(high))
+    assert abs(x - 2 ** 0.5) <= 2 * 2.0 ** -52
+    assert (f(x) > 0) == (f(high) > 0)
