@@ -1,5 +1,7 @@
 """Build the tables of a tile: cut the span into parts, map them back row by row, and fit series to their images."""
+from bisect import bisect_right
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import chain, groupby, pairwise
 from math import ceil, floor, inf
 
@@ -131,6 +133,36 @@ class _RowSeries:
     motions: Floats
 
 
+class Groups:
+    """A lookup of the group of parts that covers a position, by the positions at which groups begin, from the front."""
+
+    def __init__(self, track: Track, begins: list[tuple[Place, int]], count: int) -> None:
+        """Arrange the positions by segment; each comes with the number of its group, from 0 to ``count`` - 1."""
+        self._track = track
+        # For each segment, a sign, and the beginnings of groups in order of this sign times the coordinate, which
+        # increases towards the rear; the first of the groups has no beginning on the segment.
+        self.sides = dict[int, tuple[float, list[float], list[int]]]()
+        before = (begins[0][1] - 1) % count
+        for k in reversed(range(len(track.segments))):
+            on = [(place.u, group) for place, group in begins if place.segment == k]
+            sense = -1.0 if track.segments[k].rate(track.segments[k].last) > 0 else 1.0
+            self.sides[k] = sense, [sense * u for u, _ in on], [before, *(group for _, group in on)]
+            before = self.sides[k][2][-1]
+
+    def of(self, place: Place) -> int:
+        """Return the group that covers a position."""
+        sense, begins, groups = self.sides[place[0]]
+        return groups[bisect_right(begins, sense * place[1])]
+
+    def of_many(self, places: Places) -> Ints:
+        """Return the groups that cover many positions."""
+        (segment, u), out = places, np.empty_like(places[0])
+        for k in self._track.present(segment):
+            (sense, begins, groups), on = self.sides[k], segment == k
+            out[on] = np.array(groups)[np.searchsorted(begins, sense * u[on], side='right')]
+        return out
+
+
 @dataclass(frozen=True, eq=False)
 class Span:
     """The span of a tile for links of length ``link_m``: its parts, and the number of rows of their images.
@@ -143,6 +175,11 @@ class Span:
     stretch: Stretch
     groups: list[list[SpanPart]]
     rows: int
+
+    @cached_property
+    def lookup(self) -> Groups | None:
+        """The groups that cover leaders, or None if there is a single group."""
+        return Groups(self.track, self.begins(), len(self.groups)) if len(self.groups) > 1 else None
 
     def begins(self) -> list[tuple[Place, int]]:
         """Return where groups begin in the rows that can hold leaders on the stretch, and their numbers, in order."""

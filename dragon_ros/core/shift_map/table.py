@@ -38,7 +38,7 @@ _BOUNDARIES = 1024          # number of section boundaries whose positions are c
 _CELL_BYTES = 2048          # approximate size of a cell that is used for single states
 _MOST_BYTES = 512_000_000   # memory limit for a shift map's tiles; the least recently used tiles are dropped first
 _MOST_TILES = 4096          # maximum number of tiles of a shift map, including tiles without a table
-_MOST_LAYOUTS = 512         # maximum number of sections of track whose spans are cached
+_MOST_SPANS = 512           # maximum number of sections of track whose spans are cached
 # The minimum length of a tile, in links; the length of a longer tile is the smallest power of two that is at least the
 # length of its blocks.
 _FEWEST_LINKS = 128
@@ -109,57 +109,13 @@ class _SegmentCells(NamedTuple):
     cells: list[int]
 
 
-class Groups:
-    """A lookup of the group of parts that covers a position, by the positions at which groups begin, from the front."""
-
-    def __init__(self, track: Track, begins: list[tuple[Place, int]], count: int) -> None:
-        """Arrange the positions by segment; each comes with the number of its group, from 0 to ``count`` - 1."""
-        self._track = track
-        # For each segment, a sign, and the beginnings of groups in order of this sign times the coordinate, which
-        # increases towards the rear; the first of the groups has no beginning on the segment.
-        self.sides = dict[int, tuple[float, list[float], list[int]]]()
-        before = (begins[0][1] - 1) % count
-        for k in reversed(range(len(track.segments))):
-            on = [(place.u, group) for place, group in begins if place.segment == k]
-            sense = -1.0 if track.segments[k].rate(track.segments[k].last) > 0 else 1.0
-            self.sides[k] = sense, [sense * u for u, _ in on], [before, *(group for _, group in on)]
-            before = self.sides[k][2][-1]
-
-    def of(self, place: Place) -> int:
-        """Return the group that covers a position."""
-        sense, begins, groups = self.sides[place[0]]
-        return groups[bisect_right(begins, sense * place[1])]
-
-    def of_many(self, places: Places) -> Ints:
-        """Return the groups that cover many positions."""
-        (segment, u), out = places, np.empty_like(places[0])
-        for k in self._track.present(segment):
-            (sense, begins, groups), on = self.sides[k], segment == k
-            out[on] = np.array(groups)[np.searchsorted(begins, sense * u[on], side='right')]
-        return out
-
-
-class Layout:
-    """The span of a section of track, and the group of its parts that covers each leader on this section."""
-
-    def __init__(self, span: Span) -> None:
-        """Store a span; positions are computed on first use."""
-        self.span = span
-
-    @cached_property
-    def groups(self) -> Groups | None:
-        """The groups of leaders, or None if there is a single group."""
-        count = len(self.span.groups)
-        return Groups(self.span.track, self.span.begins(), count) if count > 1 else None
-
-
 @dataclass(frozen=True, eq=False)
 class Tile:
     """The table for the leaders of blocks in one group on one section of a track, between two positions."""
 
     track: Track
     table: Table
-    layout: Layout
+    span: Span
     group: int
     fore: Place | None      # None at an end of the track
     rear: Place | None
@@ -223,8 +179,8 @@ class Tile:
         along = sense * place[1]
         if not front < along <= rear:
             return _ELSEWHERE
-        if self.layout.groups is not None:     # as ``Groups.of``, without a call
-            _, fronts, groups = self.layout.groups.sides[place[0]]
+        if self.span.lookup is not None:     # as ``Groups.of``, without a call
+            _, fronts, groups = self.span.lookup.sides[place[0]]
             if groups[bisect_right(fronts, along)] != self.group:
                 return _ELSEWHERE
         # A position before the first cell is in the first cell or in no cell.
@@ -382,7 +338,7 @@ class ShiftMap:
         """Lay out the tiles without building any."""
         self.track, self.link_m, self.links, self.direction = track, link_m, links, direction
         self.section_m, self._before_m = links_of_tile(links, len(track.segments)) * link_m, _BEFORE_LINKS * link_m
-        self._layouts = BuildCache[int, Layout | None](lambda layouts: len(layouts) > _MOST_LAYOUTS)    # by section
+        self._spans = BuildCache[int, Span | None](lambda spans: len(spans) > _MOST_SPANS)      # by section
         self._tiles = BuildCache[tuple[int, int], Tile | None](_are_too_many)       # by section and group
         self._last: Tile | None = None
         self._edges: dict[int, Place | None] = {}
@@ -403,8 +359,8 @@ class ShiftMap:
         found = last.spot(place) if last is not None else _ELSEWHERE
         if found is _ELSEWHERE:
             section = self._number(place)
-            layout = self._layout(section)
-            tile = self._tile(section, layout.groups.of(place) if layout and layout.groups else 0)
+            span = self._span(section)
+            tile = self._tile(section, span.lookup.of(place) if span and span.lookup else 0)
             if tile is None:
                 return None
             self._last = tile
@@ -414,8 +370,8 @@ class ShiftMap:
     def build_all(self, place: Place) -> None:
         """Build the tables of all groups for leaders on the section of a leader."""
         number = self._number(place)
-        layout = self._layout(number)
-        for group in range(len(layout.span.groups) if layout else 0):
+        span = self._span(number)
+        for group in range(len(span.groups) if span else 0):
             self._tile(number, group)
 
     def spots(self, places: Places) -> list[tuple[Ints, Spots]] | None:
@@ -439,11 +395,10 @@ class ShiftMap:
 
     def _by_group(self, number: int, rows: Ints, places: Places) -> list[tuple[Ints, int]]:
         """Return the rows of positions in a section, by the group that covers them."""
-        layout = self._layout(number)
-        groups = layout.groups if layout else None
-        if groups is None:
+        span = self._span(number)
+        if span is None or span.lookup is None:
             return [(rows, 0)]
-        group = groups.of_many((places[0][rows], places[1][rows]))
+        group = span.lookup.of_many((places[0][rows], places[1][rows]))
         return [(rows[group == one], one) for one in sorted(set(group.tolist()))]
 
     def _numbers(self, places: Places) -> Ints:
@@ -486,13 +441,12 @@ class ShiftMap:
         """Return the distances of both ends of a section along the track, in metres."""
         return number * self.section_m - self._before_m, (number + 1) * self.section_m - self._before_m
 
-    def _layout(self, number: int) -> Layout | None:
-        """Return the layout of a section of track, computed on first use, or None if it has no tables."""
-        return self._layouts.get(number, self._laid_out)
+    def _span(self, number: int) -> Span | None:
+        """Return the span of a section of track, computed on first use, or None if it has no tables."""
+        return self._spans.get(number, self._cut)
 
-    def _laid_out(self, number: int) -> Layout | None:
-        span = span_of(self.track, self.link_m, Stretch(*self._section(number), self.links, self.direction))
-        return Layout(span) if span else None
+    def _cut(self, number: int) -> Span | None:
+        return span_of(self.track, self.link_m, Stretch(*self._section(number), self.links, self.direction))
 
     def _tile(self, number: int, group: int) -> Tile | None:
         """Return the tile of a group of a section, built on first use, or None if it has no table."""
@@ -500,8 +454,8 @@ class ShiftMap:
 
     def _built(self, key: tuple[int, int]) -> Tile | None:
         number, group = key
-        layout = self._layout(number)
-        table = build(layout.span, group) if layout else None
-        if layout is None or table is None:
+        span = self._span(number)
+        table = build(span, group) if span else None
+        if span is None or table is None:
             return None
-        return Tile(self.track, table, layout, group, self._boundary(number + 1), self._boundary(number))
+        return Tile(self.track, table, span, group, self._boundary(number + 1), self._boundary(number))

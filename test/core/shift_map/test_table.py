@@ -343,7 +343,7 @@ def test_the_first_place_on_a_street_of_many_pieces_builds_the_table_of_one_grou
     leader, = travelled(STREETS['even links'], [1.0])
     place.place(leader)
     tile, = shift.tiles
-    groups = tile.layout.span.groups
+    groups = tile.span.groups
     assert len(groups) >= 2
     assert sum(map(len, groups)) > len(groups[tile.group])
     place.build_near(leader)
@@ -357,7 +357,7 @@ def test_on_a_street_places_have_the_same_bits_whatever_tables_exist(name, monke
     expected = [(chain.p.tobytes(), chain.velocities(1.0).tobytes()) for chain in map(place.place, leaders)]
     _, other, shift = laid_out(STREETS[name])
     monkeypatch.setattr('dragon_ros.core.shift_map.table._MOST_BYTES', 1)       # only the latest tile is kept
-    monkeypatch.setattr('dragon_ros.core.shift_map.table._MOST_LAYOUTS', 1)     # and only the latest layout
+    monkeypatch.setattr('dragon_ros.core.shift_map.table._MOST_SPANS', 1)       # and only the latest span
     for leader, bits in reversed([*zip(leaders, expected, strict=True)]):
         chain = other.place(leader)
         assert (chain.p.tobytes(), chain.velocities(1.0).tobytes()) == bits
@@ -381,16 +381,16 @@ def test_next_to_the_beginning_of_a_group_a_leader_is_in_one_group_and_chains_ar
     model, place, shift = laid_out(STREETS[name])
     leader, = travelled(STREETS[name], [2.0])
     place.place(leader)
-    layout = shift.tiles[0].layout
-    groups, promise_m = layout.groups, compile_scene(STREETS[name]).promise_m
-    begins = layout.span.begins()
+    span = shift.tiles[0].span
+    groups, promise_m = span.lookup, compile_scene(STREETS[name]).promise_m
+    begins = span.begins()
     here_m, compared = model.track.distance_of(leader), 0
     for begin, group in begins:
         if abs(model.track.distance_of(begin) - here_m) > 2.0:
             continue
         for past_m in (-1e-6, 1e-6):
             one = model.track.place_at(model.track.distance_of(begin) + past_m)
-            assert groups.of(one) == (group if past_m < 0 else (group - 1) % len(layout.span.groups))
+            assert groups.of(one) == (group if past_m < 0 else (group - 1) % len(span.groups))
         for past_m in (-1e-12, -1e-13, 0.0, 1e-13, 1e-12):
             one = model.track.place_at(model.track.distance_of(begin) + past_m)
             chain, other = place.place(one), marched(model.track, model.links_m, one, model.direction)
