@@ -1,12 +1,11 @@
 """Sources for pictures and the web view: a scene, which is computed, or a bag, which is read."""
-from collections import deque
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property, partial
 from itertools import chain as joined
-from itertools import count, islice, repeat
+from itertools import count, islice
 from math import floor, log10
-from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
@@ -21,20 +20,17 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.venue import Venue
 
 if TYPE_CHECKING:       # imported lazily, because a picture of a scene needs at most a few of these modules
-    from dragon_ros.bags.read.frames import BagFrame, RecordedObstacles
+    from dragon_ros.bags.read.frames import BagFrame
     from dragon_ros.bags.read.reader import BagReader
-    from dragon_ros.core.geometry.contacts import Observation
     from dragon_ros.core.geometry.near_obstacles import SmallestGap
     from dragon_ros.core.geometry.signed_distance import Witness
     from dragon_ros.core.geometry.tracker import Event
-    from dragon_ros.core.geometry.venue import Surroundings
     from dragon_ros.core.search.certificate import Contact, NoContact
 
 _AT_ONCE = 64               # number of states per batch
 _SAG_M = 1e-4               # largest deviation (m) of the drawn track, small enough even for a picture of one bench
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
 Check = Callable[[], None]      # a function that raises an exception if its caller's work is no longer needed
-_REMEMBERED = 8             # number of ticks before a contact that the tracker may use
 _SAME_S = 1e-9
 _AROUND = 2.0               # largest extent of the shown track beyond the dragon, relative to the dragon's size
 _VENUE = 0.25           # likewise, of the shown venue beyond the dragon and its track
@@ -166,9 +162,8 @@ class SceneSource:
 
     def first_touch(self, progress: Progress = iter) -> Touch | None:
         """Return the exact first contact of the run."""
-        from dragon_ros.core.search.certificate import Contact
         found = self.searched(progress)
-        if not isinstance(found, Contact):
+        if not found:
             return None
         name = found.obstacle.name if found.obstacle else None
         return Touch(found.t_s, found.benches, found.point_m, found.witness, obstacle=name)
@@ -267,17 +262,17 @@ def thinned(first: int, last: int, most: int) -> Ints:
         first, last + 1)
 
 
-def _touch_of(event: 'Event', observation: 'Observation', around: 'Surroundings | None') -> Touch:
-    """Return the contact that began with an observation."""
-    before_ns = observation.t_ns if event.before_ns is None else event.before_ns
-    decimals = decimals_of((observation.t_ns - before_ns) / NS)
+def _touch_of(event: 'Event', frame: 'BagFrame', benches: Benches) -> Touch:
+    """Return the contact that began with a tick."""
+    before_ns = frame.t_ns if event.before_ns is None else event.before_ns
+    decimals, around = decimals_of((frame.t_ns - before_ns) / NS), frame.around
     if around is None or not event.obstacle:
-        at = Moment(observation.t_ns / NS, observation.p, observation.benches, None)
+        at = Moment(frame.t_ns / NS, frame.handles_m, benches, None)
         return Touch(event.t_contact_s, event.benches, event.point_m, witness_at(at, event.benches), decimals)
-    bench, number = event.benches[0], event.benches[1] - len(observation.benches.centre)
-    edge = around.nearest_edge(observation.benches, bench, number)
-    return Touch(event.t_contact_s, (bench,), event.point_m, around.touch(observation.benches, bench, edge)[1],
-                 decimals, event.obstacle)
+    bench, number = event.benches[0], event.benches[1] - len(benches.centre)
+    edge = around.nearest_edge(benches, bench, number)
+    return Touch(event.t_contact_s, (bench,), event.point_m, around.touch(benches, bench, edge)[1], decimals,
+                 event.obstacle)
 
 
 def witness_at(moment: Moment, pair: tuple[int, int]) -> 'Witness':
@@ -350,14 +345,15 @@ class BagSource:
         out: Floats = self._times_s[thinned(first, last, most)]
         return out
 
-    def moments(self, times_s: Floats) -> Iterator[Moment]:
-        """Yield the tick nearest to each of the increasing times; skip ticks without benches."""
-        rows = self._nearest(times_s)
+    def _frames(self, times_s: Floats | None = None) -> Iterator[tuple['BagFrame', Benches]]:
+        """Yield the ticks nearest to increasing times (by default, all ticks) that have benches, with the benches."""
+        from dragon_ros.bags.read.frames import surrounded_frames
+        rows = np.arange(len(self._ticks)) if times_s is None else self._nearest(times_s)
         wanted = {self._ticks[row][0] for row in rows.tolist()}
-        first_ns, last_ns = (self._ticks[row][1] for row in (int(rows[0]), int(rows[-1])))
-        for observation, speed in self._observations(first_ns, last_ns):
-            if observation.t_ns in wanted:
-                yield Moment(observation.t_ns / NS, observation.p, observation.benches, speed)
+        first_ns, last_ns = (self._ticks[int(row)][1] for row in (rows[0], rows[-1]))
+        for frame in surrounded_frames(self.bag, self.namespace, first_ns, last_ns + 1):
+            if frame.benches is not None and frame.t_ns in wanted:
+                yield frame, frame.benches
 
     def _nearest(self, times_s: Floats) -> Ints:
         """Return the numbers of the ticks nearest to the given times, without duplicates."""
@@ -366,131 +362,38 @@ class BagSource:
         before = np.maximum(after - 1, 0)
         return np.unique(np.where(times_s - ticks[before] < ticks[after] - times_s, before, after))
 
+    def moments(self, times_s: Floats) -> Iterator[Moment]:
+        """Yield the tick nearest to each of the increasing times; skip ticks without benches."""
+        for frame, benches in self._frames(times_s):
+            speeds = None if frame.velocity_m_s is None else np.hypot(*frame.velocity_m_s.T)
+            yield Moment(frame.t_ns / NS, frame.handles_m, benches, speeds)
+
     def first_touch(self, progress: Progress) -> Touch | None:
         """Return the first contact that a monitor would find in the bag, with a time interpolated between two ticks."""
-        for touch in progress(self._touches()):
-            if touch is not None:
-                return touch     # type: ignore[no-any-return]
+        from dragon_ros.core.geometry.contacts import Observation
+        from dragon_ros.core.geometry.tracker import ContactTracker
+        tracker = ContactTracker()
+        for frame, benches in progress(self._frames()):
+            if frame.around is not tracker.around:
+                tracker.surround(frame.around)
+            for report in tracker.add(Observation(frame.t_ns, frame.handles_m, benches, frame.frame_id)):
+                for event in report.begins:
+                    return _touch_of(event, frame, benches)
         return None
-
-    def _touches(self) -> Iterator[Touch | None]:
-        """Yield the first contact, and None for each tick before the contact.
-
-        The parts of the bag are searched for touching benches. The tracker observes only the first part with a contact
-        and the last ticks before this part, because earlier ticks do not affect the result. If time goes backwards or
-        the dragon changes, the tracker observes all ticks of the bag.
-        """
-        from dragon_ros.bags.read.parts import in_parts
-        first_ns, last_ns = self._ticks[0][1], self._ticks[-1][1]
-        if obstacles := self._obstacles():
-            yield from self._tracked((one for one, _ in self._observations(first_ns, last_ns)), obstacles)
-            return
-        kept = deque['Observation'](maxlen=_REMEMBERED)
-        for part in in_parts(self.bag, self.namespace, _searched, self.pool.in_order, first_ns, last_ns + 1):
-            if not part.is_regular or (kept and part.last and not _follows(part.last[0], kept[-1])):
-                break
-            kept = deque((*kept, *part.last), None if part.is_touching else _REMEMBERED)
-            if part.is_touching:
-                yield from self._tracked(kept)
-                break
-            yield from repeat(None, part.ticks)
-        else:
-            return
-        yield from self._tracked(one for one, _ in self._observations(first_ns, last_ns))
-
-    def _obstacles(self) -> 'RecordedObstacles | None':
-        """Return the obstacles in the bag from the first tick on, or None if there are none."""
-        from dragon_ros.bags.read.frames import RecordedObstacles
-        first = next(self._observations(self._ticks[0][1], self._ticks[-1][1]), None)
-        obstacles = first and RecordedObstacles(self.bag, self.namespace, first[0].frame_id)
-        return obstacles if obstacles and obstacles.some else None
 
     @cached_property
     def has_obstacles(self) -> bool:
         """Whether the bag contains obstacles, including those that the monitor read from a file or a map."""
-        return self._obstacles() is not None
-
-    def _tracked(self, observations: Iterable['Observation'],
-                 obstacles: 'RecordedObstacles | None' = None) -> Iterator[Touch | None]:
-        """Yield the contacts that a monitor would find, and None after each observation."""
-        from dragon_ros.core.geometry.tracker import ContactTracker
-        tracker = ContactTracker()
-        for observation in observations:
-            around = obstacles.at(observation.t_ns) if obstacles else None
-            if around is not tracker.around:
-                tracker.surround(around)
-            for event in joined.from_iterable(report.begins for report in tracker.add(observation)):
-                yield _touch_of(event, observation, tracker.around)
-            yield None
+        from dragon_ros.bags.read.frames import RecordedObstacles
+        first = next(self._frames(), None)
+        return first is not None and RecordedObstacles(self.bag, self.namespace, first[0].frame_id).some
 
     def gaps(self, times_s: Floats) -> Iterator[tuple[float, float]]:
         """Yield the time (s) and the smallest signed gap (m) of the ticks that ``moments`` yields."""
-        from dragon_ros.bags.read.parts import in_parts
-        rows = self._nearest(times_s)
-        wanted = frozenset(self._ticks[row][0] for row in rows.tolist())
-        first_ns, last_ns = (self._ticks[row][1] for row in (int(rows[0]), int(rows[-1])))
-        if obstacles := self._obstacles():
-            gap = smallest_gap()
-            for one, _ in self._observations(first_ns, last_ns):
-                if one.t_ns in wanted:
-                    gap.surround(obstacles.at(one.t_ns))
-                    yield one.t_ns / NS, gap.at_m(one.p, one.benches)
-            return
-        yield from joined.from_iterable(in_parts(self.bag, self.namespace, partial(_gaps_in, wanted),
-                                                 self.pool.in_order, first_ns, last_ns + 1))
-
-    def _observations(self, first_ns: int, last_ns: int) -> Iterator[tuple['Observation', Floats | None]]:
-        """Yield the observations and the speeds of the ticks that were logged between two times, in order."""
-        from dragon_ros.bags.read.frames import frames
-        for frame in frames(self.bag, self.namespace, first_ns, last_ns + 1):
-            if frame.benches is not None:
-                speeds = None if frame.velocity_m_s is None else np.hypot(*frame.velocity_m_s.T)
-                yield _observed(frame), speeds
-
-
-def _observed(frame: 'BagFrame') -> 'Observation':
-    from dragon_ros.core.geometry.contacts import Observation
-    assert frame.benches is not None
-    return Observation(frame.t_ns, frame.handles_m, frame.benches, frame.frame_id)
-
-
-def _gaps_in(wanted: frozenset[int], frames: 'Iterator[BagFrame]') -> list[tuple[float, float]]:
-    """Return the stamps (s) and the gaps (m) of the ticks whose stamps (ns) are in ``wanted``."""
-    gap = smallest_gap()
-    return [(frame.t_ns / NS, gap.at_m(frame.handles_m, frame.benches)) for frame in frames
-            if frame.benches is not None and frame.t_ns in wanted]
-
-
-class _Searched(NamedTuple):
-    """The ticks of a part of a bag up to the first contact; ``last`` contains all these ticks if benches touch.
-
-    Without a contact, ``last`` contains only the last few ticks.
-
-    The ticks are regular if each tick is later than the previous one and has the same number of handles.
-    """
-
-    ticks: int
-    is_regular: bool
-    is_touching: bool
-    last: 'list[Observation]'
-
-
-def _searched(frames: 'Iterator[BagFrame]') -> _Searched:
-    """Search ticks up to the first tick in which benches touch; later ticks are not read."""
-    from dragon_ros.core.geometry.near_pairs import NearPairs
-    near, seen, is_regular = NearPairs(), list['Observation'](), True
-    for frame in frames:
-        if frame.benches is None:
-            continue
-        seen.append(_observed(frame))
-        is_regular = is_regular and (len(seen) == 1 or _follows(seen[-1], seen[-2]))
-        if near.look(frame.handles_m, frame.benches).i.size:
-            return _Searched(len(seen), is_regular, True, seen)
-    return _Searched(len(seen), is_regular, False, seen[-_REMEMBERED:])
-
-
-def _follows(one: 'Observation', before: 'Observation') -> bool:
-    return one.t_ns > before.t_ns and one.p.shape == before.p.shape
+        gap = smallest_gap()
+        for frame, benches in self._frames(times_s):
+            gap.surround(frame.around)
+            yield frame.t_ns / NS, gap.at_m(frame.handles_m, benches)
 
 
 def dragon_in(bag: 'BagReader', namespace: str | None = None, pool: Pool = ALONE) -> BagSource:

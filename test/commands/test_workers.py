@@ -21,6 +21,8 @@ from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.cli.pool import ALONE, Pool, workers_of
 from dragon_ros.core.errors import DragonError
+from dragon_ros.core.geometry.contacts import Observation
+from dragon_ros.core.geometry.tracker import ContactTracker
 from dragon_ros.messages.channels import channels
 from dragon_ros.pictures.sources import dragon_in
 from dragon_ros.scenes.load import load_scene
@@ -398,11 +400,13 @@ def test_a_bag_is_drawn_from_the_same_numbers_with_any_number_of_workers(tmp_pat
 
 
 def test_a_touch_in_a_bag_is_the_one_that_a_monitor_finds(long):
+    tracker, begins = ContactTracker(), []
     with BagReader(long) as bag:
-        source = dragon_in(bag)
-        observed = [one for one, _ in source._observations(bag.end_ns - 2 * 10**9, bag.end_ns)]     # it is in the end
-        touch = next(one for one in source._tracked(observed) if one is not None)
-        assert source.first_touch(iter) == touch
+        touch = dragon_in(bag).first_touch(iter)
+        for one in frames(bag, '/dragon', bag.end_ns - 2 * 10**9):      # it is in the end
+            for report in tracker.add(Observation(one.t_ns, one.handles_m, one.benches, one.frame_id)):
+                begins += report.begins
+    assert (touch.t_s, touch.benches, touch.point_m) == (begins[0].t_contact_s, begins[0].benches, begins[0].point_m)
 
 
 def test_an_animation_has_the_same_bytes_with_any_number_of_workers(capsys, tmp_path):

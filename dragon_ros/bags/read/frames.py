@@ -304,10 +304,11 @@ def frames(bag: BagReader, namespace: str | None = None, start_ns: int | None = 
     yield from frames_of_part(bag, root, start_ns, end_ns, True)
 
 
-def surrounded_frames(bag: BagReader, namespace: str) -> Iterator[BagFrame]:
-    """Yield the ticks of a bag in order, with the recorded obstacles."""
+def surrounded_frames(bag: BagReader, namespace: str, start_ns: int | None = None,
+                      end_ns: int | None = None) -> Iterator[BagFrame]:
+    """Yield the ticks of a bag, or of a range of its log times, in order, with the recorded obstacles."""
     recorded: RecordedObstacles | None = None
-    for frame in frames(bag, namespace):
+    for frame in frames(bag, namespace, start_ns, end_ns):
         recorded = recorded or RecordedObstacles(bag, namespace, frame.frame_id)
         yield replace(frame, around=recorded.at(frame.t_ns)) if recorded.some else frame
 
