@@ -22,7 +22,7 @@ bound decreases with the square of their length, or with the length itself if a 
 curvature jumps. The bound holds only if the rear handle moves in one direction.
 """
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 
@@ -37,7 +37,7 @@ from dragon_ros.core.enclosures.ball_arithmetic import Ball
 from dragon_ros.core.enclosures.on_track import LinkStates, enclosed, link_states
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of, corner_levers
 from dragon_ros.core.geometry.signed_distance import CORNERS
-from dragon_ros.core.model import Model, compile_scene
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Array, Floats, Index, Ints, complex_of
 from dragon_ros.core.promise import PER_METRE
@@ -319,19 +319,12 @@ class HandleRanges:
     """
 
     def __init__(self, scene: Scene) -> None:
-        """Compile a scene with the march."""
-        self.scene = replace(scene, solver='march')
-        self._times_s = times_between(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
+        """Compile a scene."""
+        self.scene = scene.exactly
+        simulation = compile_scene(self.scene)
+        self._model, self.track = simulation.model, simulation.model.track
+        self._times_s = times_between(scene.head, scene.run.start_s, simulation.end.t_s)
         self._travel_m: list[float] = [scene.head.travelled_m(t_s) for t_s in self._times_s]
-
-    @property
-    def _model(self) -> Model:
-        return compile_scene(self.scene).model
-
-    @property
-    def track(self) -> Track:
-        """The track."""
-        return self._model.track
 
     @cached_property
     def _stops_m(self) -> list[float]:

@@ -37,8 +37,9 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.driver import Boxes, InOrder, divisible, run
-from dragon_ros.core.tracks.composite import Track
-from dragon_ros.core.tracks.segments import BEHIND
+from dragon_ros.core.tracks.composite import Place, Track
+from dragon_ros.core.tracks.segments import BEHIND, LARGEST_BEND
+from dragon_ros.core.tracks.spiral import BENT
 
 _SPACING_M = 0.2        # length of the first intervals, in leader travel
 _PARTS = 4              # number of parts into which an interval is cut
@@ -48,8 +49,6 @@ _SAME = 1e-12           # speeds with a smaller relative difference count as equ
 # applies.
 _APART_M = 1e-9
 _MOST = 2_000_000       # maximum number of first intervals
-_BENT = 1.09            # the curvature of any spiral is at most 1.09 / r (see ``min_pitch``)
-_SURE = 1.98            # product of curvature and link below which a link's arc turns by less than pi (2 would suffice)
 
 
 @dataclass(frozen=True)
@@ -106,7 +105,7 @@ class _Speeding(InOrder):
         self._best, self._bound = (-inf, scene.run.start_s, 0), -inf
         leader = self._leader
         self._behind_m = np.concatenate(([0.0], np.cumsum(leader.links_m)))    # lower bounds on distances
-        self._sure_m = _sure_m(leader.track, leader.links_m) if leader.direction == BEHIND else -inf
+        self._no_faster_m = _no_faster_m(leader.track, leader.links_m) if leader.direction == BEHIND else -inf
 
     def run(self) -> MaxSpeed:
         """Search all times, and return the fastest handle with its bound."""
@@ -136,8 +135,8 @@ class _Speeding(InOrder):
         times = times_between(self._scene.head, start_s, stop_s)
         travels_m = [self._travel_m(t_s) for t_s in times]
         cuts = self._leader.turning_m(min(travels_m), max(travels_m))
-        if isfinite(self._sure_m):
-            cuts.append(self._sure_m - _APART_M - self._leader.start_m)
+        if isfinite(self._no_faster_m):
+            cuts.append(self._no_faster_m - _APART_M - self._leader.start_m)
         parts, count = list[tuple[float, float, int]](), 0
         for pair, ends_m in zip(pairwise(times), pairwise(travels_m), strict=True):
             inner = sorted(passed_s(self._scene.head, cut, *pair) for cut in cuts if min(ends_m) < cut < max(ends_m))
@@ -165,7 +164,7 @@ class _Speeding(InOrder):
         """Return the number of links behind the leader whose rear handles may be faster than all preceding handles."""
         if self._leader.direction != BEHIND:
             return self._leader.links_m.size
-        beyond = self._leader.start_m + travel_m - self._sure_m
+        beyond = self._leader.start_m + travel_m - self._no_faster_m
         return int(np.searchsorted(self._behind_m[:-1], beyond))
 
     def _bounds(self, intervals: Floats) -> Floats:
@@ -204,15 +203,13 @@ class _Speeding(InOrder):
             self._best = float(tops[row]), float(times_s[row]), int(np.argmax(log[row] > tops[row] - _SAME))
 
 
-def _sure_m(track: Track, links_m: Floats) -> float:
+def _no_faster_m(track: Track, links_m: Floats) -> float:
     """Return the distance along the track up to which no handle is faster than the preceding one; -inf if unknown."""
     if track.from_afar is None:
         return -inf
     if not track.may_lock:       # every link's arc turns by less than pi
         return track.end_of_first_m
-    b_m = track.from_afar.curve.b_m
-    inner = _BENT * float(np.max(links_m)) / (_SURE * b_m)
-    return float(track.distances(np.zeros(1, dtype=np.int64), np.array([inner]))[0])
+    return track.distance_of(Place(0, BENT * float(np.max(links_m)) / (LARGEST_BEND * track.from_afar.curve.b_m)))
 
 
 @dataclass(frozen=True)

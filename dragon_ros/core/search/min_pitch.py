@@ -27,14 +27,13 @@ from dragon_ros.core.search.first_contact import ContactSearch, gap_at, touch_in
 from dragon_ros.core.search.near_misses import lowest
 from dragon_ros.core.search.search_domain import Pair, RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.spec import Spiral
-from dragon_ros.core.tracks.spiral import SpiralCurve
+from dragon_ros.core.tracks.spiral import BENT, SpiralCurve
 
 _STEP = 0.01            # ratio of adjacent pitches, less 1, on the way down
 _COARSE_M = 1e-5        # width of the bracket in which the gap of the touching pair is solved for
 _AROUND = 1.0           # leader travel searched for the smallest gap to either side, relative to the longest bench
 _LEAST = 3              # smallest width of the bracket, relative to the error of a bound
 _SURE = 1.25            # how far above the solution a run is expected to be clear, relative to the error of a bound
-_BENT = 1.09            # the curvature of any spiral is at most 1.09 / r: (u^3 + 4 u^2 + 4 u) / (1 + u)^3 <= 32 / 27
 _SAME = 1e-15           # relative rounding error of a pitch
 
 
@@ -106,7 +105,7 @@ class _Runs:
         number('diameter_m', diameter_m, above=0.0, high=1e6)
         number('start_turns', start_turns, above=0.0, high=1e4)
         longest_m = float(np.max(dragon.link_lengths_m))
-        if _BENT * longest_m >= diameter_m:
+        if BENT * longest_m >= diameter_m:
             raise FieldError('diameter_m', diameter_m, f'a link is {longest_m:.6g} m long', 'give a larger circle')
         self.given, self._tell, self.states = (dragon, diameter_m, start_turns), progress, 0
         self.least_m = 0.5 * diameter_m / start_turns     # the pitch at which the head starts on the circle

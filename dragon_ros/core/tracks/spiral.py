@@ -27,6 +27,7 @@ from dragon_ros.core.tracks.segments import NEW, Past, direction_at, reach_m
 from dragon_ros.core.tracks.spec import Spiral
 
 TINY = 1e-300           # added to a denominator so that 0 / 0 becomes 0
+BENT = 1.09             # the curvature of any spiral is at most 1.09 / r: (u^3 + 4 u^2 + 4 u) / (1 + u)^3 <= 32 / 27
 BEYOND_M = 1e-6         # how far rounding may put a handle beyond an end of the track: more than any promise
 _NEWTON_STEPS = 20
 TIGHT = 1e-8            # final Newton step, relative to the angle; half its square is below the resolution of floats
