@@ -163,10 +163,8 @@ def _listed(bodies: _ComplexBenches, p: Floats, benches: Benches, part: tuple[in
     ``above_m`` is an upper bound on the clearance.
     """
     first, stop, end = part
-    own = slice(first, end)
     try:
-        i, j = candidates(p[first:end + 1], Benches(benches.centre[own], benches.axis[own], benches.half_length[own],
-                                                    benches.half_width[own]), reach_m)
+        i, j = candidates(p[first:end + 1], benches.some(slice(first, end)), reach_m)
     except CrowdError:
         return None
     i, j = i + first, j + first

@@ -28,7 +28,7 @@ class Benches:
         """The half sizes as bytes, which are compared in one step."""
         return self.half_length.tobytes() + self.half_width.tobytes()
 
-    def some(self, index: Ints) -> 'Benches':
+    def some(self, index: Ints | slice) -> 'Benches':
         """Return a subset of the benches, all of which must belong to a single instant."""
         return Benches(self.centre[index], self.axis[index], self.half_length[index], self.half_width[index])
 

@@ -127,8 +127,7 @@ class Obstacles:
         hit: Bracket | None = None
         for start, stop in self._domain.phases(self._domain.start_m, stop_m):
             for benches in by_length(self._domain.dragon.bench_lengths_m):
-                if benches.size:
-                    hit = self._first_of(benches, (start, hit.other_m if hit else stop), finest_m) or hit
+                hit = self._first_of(benches, (start, hit.other_m if hit else stop), finest_m) or hit
             if hit:
                 return hit
         return None

@@ -81,8 +81,7 @@ def venue_fit(scene: Scene, within_m: float = 1e-6, progress: Callable[[int], ob
     search = _Nearing(around, within_m, progress)
     kinds = by_length(scene.dragon.bench_lengths_m)
     for kind, benches in enumerate(kinds):
-        if benches.size:
-            search.run(SweptBench.of(ranges.track, scene.dragon, int(benches[0])), intervals_of(ranges, benches), kind)
+        search.run(SweptBench.of(ranges.track, scene.dragon, int(benches[0])), intervals_of(ranges, benches), kind)
     found = _gaps(ranges, kinds, search)
     return VenueFit(tuple(sorted(found, key=lambda one: one.high_m)), scene.venue.margin_m, search.looks)
 
