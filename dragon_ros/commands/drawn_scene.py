@@ -24,8 +24,8 @@ if TYPE_CHECKING:
     from dragon_ros.core.tracks.drawn import Route
     from dragon_ros.messages.decode import PathMessage
 
-_TOLERANCE_M = 0.02     # within which a drawing is followed
-_TOLERANCES_M = (_TOLERANCE_M, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 18.0, 25.0)     # of recordings
+TOLERANCE_M = 0.02      # within which a drawing is followed
+_TOLERANCES_M = (TOLERANCE_M, 0.05, 0.1, 0.2, 0.5, 1.0, 2.0, 3.0, 5.0, 8.0, 12.0, 18.0, 25.0)     # of recordings
 _NOISIER = 1.15         # factor between the tolerances that are tried for a noisy recording
 _RECORDED = 50          # a line with more points may be a recording
 _SHARED = 4             # each tolerance may take a fourth of the work
@@ -51,7 +51,15 @@ class DrawnScene:
     least_m: float
     radius_m: float
     tolerance_m: float
+    noise_m: float
     notes: tuple[str, ...]
+
+    @property
+    def deviation(self) -> str:
+        """A sentence that states how far the track is from the drawing, and the noise of a recording."""
+        noise = f' of points that scatter by about {self.noise_m:.1g} m' if self.noise_m else ''
+        return (f'apart from changed corners and bends, the track deviates from the drawing{noise} by at most '
+                f'{length(self.route.strays_m)} (tolerance {length(self.tolerance_m)}; --tolerance gives another)')
 
 
 def drawn_scene(arguments: Namespace) -> DrawnScene:
@@ -69,10 +77,6 @@ def drawn_scene(arguments: Namespace) -> DrawnScene:
         notes += [f'{line.path.name}: {line.name}: {text}' for text in line.notes]
     noise_m = _noise_m(placed)
     route, least_m, radius_m, tolerance_m = _route(arguments, base, placed, noise_m)
-    if tolerance_m > _TOLERANCE_M and arguments.tolerance is None:
-        of = f'the recording, whose points scatter by about {noise_m:.1g} m,' if noise_m else 'the drawing'
-        notes.append(f'the track deviates from {of} by up to {length(route.strays_m)} (tolerance {tolerance_m:g} m; '
-                     'give --tolerance for another)')
     from dragon_ros.core.tracks.composite import track_of
     from dragon_ros.core.tracks.spec import Composite
     track = track_of(Composite(route.pieces))
@@ -83,7 +87,7 @@ def drawn_scene(arguments: Namespace) -> DrawnScene:
                                                  for key, one in asdict(piece).items() if one is not None}}
         for piece in route.pieces]}
     scene = load_drawn_scene(arguments.scene, command_line.overrides_from(arguments), origin, values, venue)
-    return DrawnScene(scene, placed, route, track, least_m, radius_m, tolerance_m, (*notes, *more))
+    return DrawnScene(scene, placed, route, track, least_m, radius_m, tolerance_m, noise_m, (*notes, *more))
 
 
 def _line(arguments: Namespace) -> tuple[AnyLine, Drawing | None]:

@@ -48,7 +48,7 @@ def run(arguments: Namespace) -> int:
 
 def run_drawing(arguments: Namespace) -> int:
     """Write the plan of a drawing, the marks, the page and the scene; print the answer; return the exit code."""
-    from dragon_ros.commands.drawn_scene import drawn_scene
+    from dragon_ros.commands.drawn_scene import TOLERANCE_M, drawn_scene
     from dragon_ros.commands.route import write_scene
     drawing: Path = arguments.drawing
     pdf: Path = arguments.output or drawing.with_suffix('.pdf')
@@ -65,7 +65,8 @@ def run_drawing(arguments: Namespace) -> int:
     _write_pdf(arguments, plan, pdf)
     command_line.write_output(marks, chalk_marks(plan))
     _write_page(plan, page)
-    command_line.write_output(None, '\n'.join([*drawn.notes, answer(plan), *map(str, (pdf, marks, page, scene_path))]))
+    notes = [*drawn.notes, *([drawn.deviation] if drawn.tolerance_m > TOLERANCE_M else [])]
+    command_line.write_output(None, '\n'.join([*notes, answer(plan), *map(str, (pdf, marks, page, scene_path))]))
     return _DOES_NOT_FIT if any(gap.is_broken for gap in plan.gaps) else command_line.OK
 
 

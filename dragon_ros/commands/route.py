@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from dragon_ros.cli import command_line
 from dragon_ros.commands.drawn_scene import DrawnScene, drawn_scene
 from dragon_ros.core.errors import TrackEndError
-from dragon_ros.core.words import counted, length
+from dragon_ros.core.words import counted
 
 if TYPE_CHECKING:
     from dragon_ros.core.tracks.drawn import Change
@@ -69,8 +69,7 @@ def _notes(laid: DrawnScene, most: int) -> list[str]:
     changes = sorted(route.changes, key=lambda change: -change.off_m) if len(route.changes) > most else route.changes
     notes = [*laid.notes, f'{laid.line.name}: {track.end_m - route.lead_in_m:.3f} m, '
              f'{counted(len(route.pieces), "piece")} ({counted(arcs, "arc")})',
-             f'apart from the changes, the track deviates from the drawing by at most {length(route.strays_m)} '
-             f'(tolerance {length(laid.tolerance_m)})', _tightest(laid), *map(_changed, changes[:most])]
+             laid.deviation, _tightest(laid), *map(_changed, changes[:most])]
     if len(changes) > most:
         notes.append(f'changed: {counted(len(changes) - most, "more place")}, by up to {changes[most].off_m:.3g} m')
     if route.lead_in_m:

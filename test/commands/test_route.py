@@ -151,7 +151,7 @@ def test_a_recording_with_noise_becomes_a_track_near_the_way_that_was_walked(cap
     np.savetxt(tmp_path / 'way.csv', way + 3 * rng.normal(size=way.shape), delimiter=',', header='x,y', comments='')
     code, out, err = run(capsys, tmp_path / 'way.csv', '--set', 'dragon.benches=5', '--output', tmp_path / 'a.yaml')
     assert code == 0, err
-    said = re.search(r'points scatter by about 3 m, by up to (\S+) m \(tolerance (\S+) m; give --tolerance', out)
+    said = re.search(r'points that scatter by about 3 m by at most (\S+) m \(tolerance (\S+) m; --tolerance gives', out)
     assert float(said[1]) <= float(said[2]) <= 13
     track = LineString(compile_scene(load_scene(str(tmp_path / 'a.yaml'))).track_line(1e-3))
     assert np.max(distance(points(way[20:-20]), track)) < 3
