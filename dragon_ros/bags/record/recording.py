@@ -188,8 +188,8 @@ class Recording:
         """Return the function that takes the messages of one topic, with the information that DDS gives on them."""
         topic = self._names[channel.name]
         shared = channel.name.startswith('/')      # all nodes of the graph publish this topic, stamped with wall time
-        once = channel.latched and channel.publisher == 'sim'      # valid for all ticks, regardless of its stamp
-        stamped = not (shared or once)
+        latched = channel.latched and channel.publisher == 'sim'   # valid for all ticks, regardless of its stamp
+        stamped = not (shared or latched)
         handles, benches, scene, report, health = (
             channel.name == name for name in ('handles', 'benches', 'scene', REPORT, HEALTH))
         watched = self._monitored if channel.publisher == 'monitor' and not shared else self._simulation
