@@ -16,7 +16,8 @@ The parts of a scene are drawn in this order:
    3. the leader: head or tail, forwards or backwards, at a constant speed or by a profile with ramps, jumps, rests and
    reversals; 4. the run, the accuracy, the effects and their settings.
 
-In one scene in ten, all lengths, and therefore the speed, are in another unit, between 0.2 m and 5 m.
+In one scene in ten, all lengths, and therefore the speed, are in another unit, between 35 mm and 14 m: links have any
+length in the world.
 
 ``./dragon python test/random_scenes.py SEED`` prints a scene as a file (JSON, which is YAML) that every command
 accepts.
@@ -29,6 +30,7 @@ from random import Random
 from typing import Any, NamedTuple
 
 KINDS = {'in': 34, 'out': 7, 'far': 4, 'turn': 20, 'composite': 27, 'circle': 8}     # kinds of tracks, in percent
+UNITS_M = 0.035, 14.0    # links of 0.05 m to 50 m
 TIGHTEST = 1.98         # the limit in scene files on curvature times longest link, for composite tracks
 _NEEDS = {'clearance': 'benches', 'contact': 'clearance', 'markers': 'contact', 'forces': 'accelerations'}
 _EFFECTS = ('velocity', 'benches', 'clearance', 'contact', 'markers', 'accelerations', 'forces', 'noise', 'trails',
@@ -113,7 +115,7 @@ class Way(NamedTuple):
 def random_scene(seed: int) -> dict[str, Any]:
     """Return the values of one scene file."""
     dice = Dice(seed)
-    unit_m = dice.scaled(0.2, 5) if dice.chance(10) else 1.0
+    unit_m = dice.scaled(*UNITS_M) if dice.chance(10) else 1.0
     kind = dice.one_by_parts(KINDS)
     benches = _benches(dice, kind, unit_m)
     way = _TRACKS[kind](dice, benches)
@@ -128,7 +130,7 @@ def kind_of(seed: int) -> str:
     """Return the kind of a seed's scene, one of KINDS."""
     dice = Dice(seed)
     if dice.chance(10):
-        dice.scaled(0.2, 5)
+        dice.scaled(*UNITS_M)
     return dice.one_by_parts(KINDS)
 
 

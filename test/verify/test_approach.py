@@ -138,6 +138,11 @@ def test_at_the_start_benches_overlap_as_far_on_as_the_leader_goes_and_no_furthe
     assert 'starts with its contact' in proved(claim(beyond, there_m() + 5e-10, 9.0, there_m() + 5e-10))
 
 
+def test_a_contact_at_the_start_is_proved_though_the_leader_cannot_move_on():
+    scene = Scene(dragon=Dragon(40, width_m=0.6), head=Head(-1.0, 'tail'), run=Run(0, 5))   # the head is at the end
+    assert 'starts with its contact at 0.0 s' in proved(written(scene))
+
+
 def test_a_contact_that_a_leader_overshoots_on_its_way_back_is_not_proved_an_hour_later():
     """The leader overshoots by half a nanometre, which is within the slack."""
     scene = Scene(dragon=Dragon(14, 0.9, 2.9, 0.2), track=Spiral(0.55, 4.28), head=Head(-1.0), run=Run(0, 5))
