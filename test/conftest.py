@@ -25,27 +25,29 @@ def pytest_addoption(parser):
 OPTIONAL = {'flint': 'python-flint', 'arb_balls': 'python-flint', 'motions': 'python-flint', 'mpmath': 'mpmath',
             'convergence': 'mpmath', 'high_precision': 'mpmath', 'pyarrow': 'pyarrow', 'scipy': 'scipy',
             'dragon_studies': 'pyarrow'}
+GUESTS = 'dragon_contest', 'dragon_studies'      # packages beside dragon_ros, which it does not need
 _IMPORTS = re.compile(r'^(?:from|import) (\w+)', re.MULTILINE)
 
 
 class LeftOut(pytest.File):
-    """A test file whose library is missing."""
+    """A test file whose library is missing, or the package beside dragon_ros that it tests."""
 
     def collect(self):
-        names = [name for name in _IMPORTS.findall(self.path.read_text(encoding='utf-8')) if missing(name)]
-        pytest.skip(f'could not import {names[0]!r}: pip install {OPTIONAL[names[0]]}', allow_module_level=True)
+        pytest.skip(next(lacks(self.path)), allow_module_level=True)
 
 
-def missing(name):
-    """Return whether a module belongs to an optional library that is not installed."""
-    library = OPTIONAL.get(name, '').removeprefix('python-')
-    return bool(library) and find_spec(library) is None
+def lacks(path):
+    """Yield why the modules that a test file imports cannot be imported."""
+    for name in _IMPORTS.findall(path.read_text(encoding='utf-8')):
+        library = OPTIONAL.get(name, '').removeprefix('python-')
+        if name in GUESTS and find_spec(name) is None:
+            yield f'the package {name} is not there'
+        elif library and find_spec(library) is None:
+            yield f'could not import {name!r}: pip install {OPTIONAL[name]}'
 
 
 def pytest_pycollect_makemodule(module_path, parent):
-    if any(map(missing, _IMPORTS.findall(module_path.read_text(encoding='utf-8')))):
-        return LeftOut.from_parent(parent, path=module_path)
-    return None
+    return LeftOut.from_parent(parent, path=module_path) if any(lacks(module_path)) else None
 
 
 def pytest_terminal_summary(terminalreporter):

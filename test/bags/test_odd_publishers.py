@@ -18,7 +18,7 @@ def test_odd_numbers_and_source_times_lose_nothing(tmp_path, source_ns, first):
     path, encode = tmp_path / 'a.mcap', encoders(SCENE)
     recording = Recording(BagWriter(path, threaded=False), {name: f'/dragon/{name}' for name in channels()}, 'dragon',
                           {}, flush_s=1.0, queue_mb=1.0, trust=False, warn=pytest.fail, warn_of_invalid=pytest.fail,
-                          publisher_waits=lambda: False)
+                          publisher_waits=lambda: False, on_monitor=pytest.fail)
     take = {name: recording.receiver(channels()[name]) for name in ('handles', 'benches')}
     for k in range(3):
         for name, receive in take.items():
