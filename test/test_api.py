@@ -292,11 +292,16 @@ def test_benches_and_places_along_the_track_are_those_of_the_handles():
     run = dr.compile(dr.scene('street', dragon={'benches': 12}, run={'stop_s': 60}, effects=['benches']))
     times = [0.0, 30.0, 60.0]
     at_m, handles_m = run.along_m(times), run.handles_m(times)
-    points, headings = run.track_poses(at_m)
-    np.testing.assert_allclose(points, handles_m, atol=1e-9)
+    points, headings = run.track_poses(at_m.ravel())
+    np.testing.assert_allclose(points, handles_m.reshape(-1, 2), atol=1e-9)
     np.testing.assert_allclose(np.hypot(headings[..., 0], headings[..., 1]), 1, atol=1e-12)
     np.testing.assert_allclose(at_m[:, 0], run.scene.track.start_m + np.array(times), atol=1e-9)
     np.testing.assert_allclose(run.benches_m(times)[0], run.frame(0).benches.corners, atol=1e-12)
+    assert (run.benches_m([]).shape, run.along_m([]).shape, run.track_poses([])[0].shape) == (
+        (0, 12, 4, 2), (0, 13), (0, 2))
+    for wrong in ([np.nan], [1e9], [-1e9], ['x'], 5.0):
+        with pytest.raises(dr.FieldError, match='along_m'):
+            run.track_poses(wrong)
 
 
 def test_the_swept_area_holds_all_benches_and_the_room_is_its_width():

@@ -16,6 +16,7 @@ import numpy as np
 
 from dragon_ros.core.batches import batches, states, velocity_of
 from dragon_ros.core.checks import number, whole
+from dragon_ros.core.domain import TRACK
 from dragon_ros.core.errors import FieldError, MissingError, naming_arguments
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of, corner_levers
 from dragon_ros.core.model import Simulation, compile_scene
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from dragon_ros.core.search.certificate import Contact, NoContact
     from dragon_ros.core.search.near_misses import NearMisses
 
+_SAME_M = 1e-9          # rounding of distances along a track
 Progress = Callable[[int], object]
 
 
@@ -85,14 +87,19 @@ def given_path(field: str, value: Any) -> str:
 
 def _times(values: Any) -> list[float]:
     """Return times (s) as a list. Raises FieldError if ``values`` is not a sequence of numbers."""
-    try:
-        times = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError):
-        times = np.empty((0, 0))
-    if times.ndim != 1:
-        raise FieldError('times_s', values, 'it is not a sequence of numbers', 'give for example [0.0, 60.0]')
-    out: list[float] = times.tolist()
+    out: list[float] = _numbers('times_s', values).tolist()
     return out
+
+
+def _numbers(field: str, values: Any) -> Floats:
+    """Return a sequence of numbers as an array. Raises FieldError for any other value."""
+    try:
+        numbers = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        numbers = np.empty((0, 0))
+    if numbers.ndim != 1:
+        raise FieldError(field, values, 'it is not a sequence of numbers', 'give for example [0.0, 60.0]')
+    return numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,7 +223,7 @@ class Simulated:
         times = _times(times_s)
         chain = states(self.scene, times)
         out: Floats = benches_of(chain, self.scene.dragon, axes_of(chain)).corners
-        return out.reshape(len(times), -1, 4, 2)
+        return out.reshape(len(times), self.scene.dragon.benches, 4, 2)
 
     def batches(self, times_s: Sequence[float] | Floats, size: int | None = None) -> Iterator[Motion]:
         """Yield all handles at many times, in batches of ``size`` times (by default, as many as fit into a cache).
@@ -289,9 +296,16 @@ class Simulated:
         return self.simulation.track_line(number('sag_m', sag_m, low=1e-9, high=1e9))
 
     def track_poses(self, along_m: Sequence[float] | Floats) -> tuple[Floats, Floats]:
-        """Return points (m, shape (..., 2)) and unit headings on the track at distances (m, shape (...)) along it."""
-        track = self.simulation.model.track
-        return track.poses(*track.places_at(np.asarray(along_m, dtype=np.float64)))
+        """Return points (m, shape (n, 2)) and unit headings on the track at distances (m, shape (n,)) along it.
+
+        Raises FieldError for distances that are not on the track.
+        """
+        track, at_m = self.simulation.model.track, _numbers('along_m', along_m)
+        low_m, high_m = max(track.begin_m, -TRACK.high), min(track.end_m, TRACK.high)
+        if not np.all((at_m >= low_m - _SAME_M) & (at_m <= high_m + _SAME_M)):
+            raise FieldError('along_m', along_m, f'the track goes from {low_m:g} to {high_m:g} m',
+                             'give distances on it')
+        return track.poses(*track.places_at(at_m))
 
     def plot(self, t_s: float | None = None, ax: 'Axes | None' = None) -> 'Axes':
         """Draw the dragon at a time (by default, the end of the run) on Matplotlib axes, and return the axes."""
