@@ -5,7 +5,7 @@ from apart import smallest
 from certificates import proved
 from hypothesis import assume, given
 from hypothesis import strategies as st
-from properties import examples, thinned
+from properties import FACTORS, examples, magnified, thinned
 
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head
@@ -28,12 +28,13 @@ CROSSING = Dragon(14, 0.9, 2.9, 0.2)       # at 4.28 turns, the head is between 
 
 @examples(15)
 @given(st.integers(3, 12), st.just(0.05) | st.floats(0.1, 3), st.floats(0.1, 3), st.floats(0.02, 0.5),
-       st.floats(0.05, 0.4), st.floats(0.3, 1.5), st.floats(0.6, 8), st.sampled_from([-1.0, 1.0, 3.0]))
+       st.floats(0.05, 0.4), st.floats(0.3, 1.5), st.floats(0.6, 8), st.sampled_from([-1.0, 1.0, 3.0]), FACTORS)
 def test_nothing_touches_before_the_contact_and_benches_do_then(benches, head, body, width, inset, pitch,
-                                                                turns, speed):
+                                                                turns, speed, factor):
     dragon = Dragon(benches, 2 * inset + head, 2 * inset + body, width, inset)
     run = Run(0.0, 20.0 if speed < 0 else None)
     scene = Scene(dragon=dragon, track=Spiral(pitch, turns), head=Head(speed), run=run, solver='march')
+    scene = magnified(scene, factor)
     try:
         end_s = compile_scene(scene).end.t_s
     except ChainLockError:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
-from properties import TRACKS, examples, thinned
+from properties import FACTORS, TRACKS, examples, magnified, thinned
 
 from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
@@ -262,11 +262,11 @@ LAWS = st.builds(lambda lead, ramps, speeds: Profile(tuple((4.0 * n, v) for n, v
 
 
 @examples(25)
-@given(DRAGONS, TRACKS, LAWS, st.floats(0, 6), st.floats(0.1, 8))
-@example(Mixed((Group(0.6, 3),)), STurn(), Profile(((0.0, 1.0),)), 0.0, 3.0)
-def test_no_handle_is_faster_than_the_bound_anywhere(dragon, track, law, start_s, lasts_s):
+@given(DRAGONS, TRACKS, LAWS, st.floats(0, 6), st.floats(0.1, 8), FACTORS)
+@example(Mixed((Group(0.6, 3),)), STurn(), Profile(((0.0, 1.0),)), 0.0, 3.0, 1.0)
+def test_no_handle_is_faster_than_the_bound_anywhere(dragon, track, law, start_s, lasts_s, factor):
     try:
-        scene = Scene(dragon, track, law, Run(start_s, start_s + lasts_s), solver='march')
+        scene = magnified(Scene(dragon, track, law, Run(start_s, start_s + lasts_s), solver='march'), factor)
         assume(compile_scene(scene).end.t_s > start_s and compile_scene(scene).end.reason != 'lock')
     except DragonError:
         assume(False)
