@@ -3,7 +3,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from datetime import date
 from io import BytesIO
-from math import ceil
+from math import ceil, inf
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,7 +37,7 @@ _LISTED = 5             # number of rows of the list of places on a page
 _BAND_M = 0.25          # half the width of the band along the track that labels avoid
 _APART_MM, _DOTS_MM = 14.0, 5.0     # smallest distances between labelled marks, and between dots
 _LONGEST_NAME = 24
-_NEAR = 24              # number of places for a label that are searched for one that covers nothing at all
+_NEAR = 24              # number of places for a number that are searched for one that covers nothing at all
 _PLAIN: dict[str, Any] = {'boxstyle': 'square,pad=0.1', 'facecolor': 'white', 'edgecolor': 'none', 'alpha': 0.75}
 
 
@@ -203,10 +203,13 @@ def drawing(plan: Plan, sheet: Sheet, total: int = 1, others: Sequence[Sheet] = 
     axes.plot(*plan.line.T, color='black', linewidth=0.7, linestyle=_CENTRE_LINE, zorder=3, label=plan.say('track'))
     _legend_below(figure, axes, sheet.paper)
     labels = Labels(axes, plan, sheet)
+    shown = [(n, gap) for n, gap in enumerate(plan.tight, 1) if sheet.shows(gap.middle_m)]
+    for _, gap in shown:
+        labels.take(gap.ends_m, 3.0)
     _draw_frames(axes, plan, others, labels)
-    _draw_numbers(axes, plan, sheet, labels, dimensions=not others)
     if not others:
         _draw_room(axes, plan, sheet, labels)
+    _draw_numbers(plan, shown, labels, dimensions=not others)
     _draw_marks(axes, plan, sheet, labels)
     _draw_names(axes, plan, sheet, labels)
     return figure
@@ -276,9 +279,12 @@ class Labels:
         at = self.points(points_m)
         self._taken.append((Point(at) if at.ndim == 1 else LineString(at)).buffer(half_width, quad_segs=1))
 
-    def placed(self, at_m: Floats, label: str, offsets: Iterable[tuple[float, float]],
-               size_pt: float = _TEXT_PT) -> tuple[float, float] | None:
-        """Return the first offset from a position at which a label is free, or None; keep the label free of others."""
+    def placed(self, at_m: Floats, label: str, offsets: Iterable[tuple[float, float]], size_pt: float = _TEXT_PT,
+               near: float = inf) -> tuple[float, float] | None:
+        """Return the first offset from a position at which a label is free, or None; keep the label free of others.
+
+        After ``near`` offsets, the label may cover edges of obstacles and the track.
+        """
         from shapely import box
         x, y = self.points(at_m)
         half_width, half_height = 0.5 * size_pt * _ems(label) + 2, 0.5 * size_pt + 3
@@ -290,7 +296,7 @@ class Labels:
                 if not self._avoided.intersects(one):
                     self._taken.append(one)
                     return right, up
-            if free and n >= _NEAR:
+            if free and n >= near:
                 break
         if not free:
             return None
@@ -299,7 +305,9 @@ class Labels:
         return offset
 
     def write(self, at_m: Floats, label: str, offset: tuple[float, float], **options: Any) -> None:
-        """Write a label at an offset from a position."""
+        """Write a label at an offset from a position, and keep the line to it, if any, free of later labels."""
+        if 'arrowprops' in options:
+            self.take(np.stack((at_m, at_m + np.array(offset) / self.points_per_m)), 1.0)
         self.axes.annotate(label, (float(at_m[0]), float(at_m[1])), xytext=offset, textcoords='offset points',
                            ha='center', va='center', **{'fontsize': _TEXT_PT, **options})
 
@@ -331,19 +339,16 @@ def _draw_frames(axes: 'Axes', plan: Plan, others: Sequence[Sheet], labels: Labe
         labels.write(corner, label, offset or (half + 2, -8), color=QUIET, zorder=7)
 
 
-def _draw_numbers(axes: 'Axes', plan: Plan, sheet: Sheet, labels: Labels, dimensions: bool) -> None:
-    """Draw the numbers of the tight places; on a sheet, with the gaps as dimension lines and their sizes."""
-    shown = [(n, gap) for n, gap in enumerate(plan.tight, 1) if sheet.shows(gap.middle_m)]
-    for _, gap in shown:
-        labels.take(gap.ends_m, 3.0)
+def _draw_numbers(plan: Plan, shown: Sequence[tuple[int, Gap]], labels: Labels, dimensions: bool) -> None:
+    """Draw the numbers of tight places; on a sheet, with the gaps as dimension lines and their sizes."""
     for number, gap in shown:
         colour = _BROKEN if gap.is_broken else 'black'
         label = f'{number}  {_gap(plan, gap)}' if dimensions else str(number)
         if dimensions:
-            axes.annotate('', gap.ends_m[0], gap.ends_m[1], zorder=6, arrowprops={
+            labels.axes.annotate('', gap.ends_m[0], gap.ends_m[1], zorder=6, arrowprops={
                 'arrowstyle': '<->', 'color': colour, 'linewidth': 0.9, 'shrinkA': 0, 'shrinkB': 0,
                 'mutation_scale': 6})
-        offset = labels.placed(gap.middle_m, label, around(label)) or (0.0, 30.0)
+        offset = labels.placed(gap.middle_m, label, around(label), near=inf if dimensions else _NEAR) or (0.0, 30.0)
         labels.write(gap.middle_m, label, offset, color=colour, zorder=8,
                      bbox={'boxstyle': 'round,pad=0.2' if dimensions else 'circle,pad=0.2', 'facecolor': 'white',
                            'edgecolor': colour, 'linewidth': 0.7},
