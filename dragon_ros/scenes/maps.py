@@ -190,10 +190,10 @@ def _features(path: Path, values: dict[str, Any]) -> Iterator[tuple[str | None, 
 
 
 def _tags(properties: Mapping[str, Any]) -> dict[str, str]:
-    """Return the properties that are text, including the tags that exporters of OpenStreetMap nest in a property."""
+    """Return the properties that are text, whole numbers or true, with the tags that exporters nest in a property."""
     nested = properties.get('tags')
     flat = {**properties, **(nested if isinstance(nested, dict) else {})}
-    out = {key: value for key, value in flat.items() if isinstance(value, str)}
+    out = {key: str(value) for key, value in flat.items() if isinstance(value, (str, int)) and value is not False}
     return {**dict(_HSTORE.findall(out.get('other_tags', ''))), **out}
 
 

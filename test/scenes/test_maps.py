@@ -120,7 +120,7 @@ def test_a_polygon_that_was_added_to_an_openstreetmap_export_is_an_obstacle(tmp_
     square = [[0, 0], [4, 0], [4, 4], [0, 4], [0, 0]]
     features = [{'type': 'Feature', 'properties': properties, 'geometry': {
         'type': 'Polygon', 'coordinates': [[[x + 9 * n, y] for x, y in square]]}} for n, properties in enumerate((
-            {'building': 'yes', '@id': 'way/1'}, {'landuse': 'grass', '@id': 'way/2'}, {'@id': 'way/3', 'layer': '1'},
+            {'building': True, '@id': 'way/1'}, {'landuse': 'grass', '@id': 'way/2'}, {'osm_id': 3, 'layer': '1'},
             {'name': 'stall', 'fill': '#f00'}))]
     drawing = read(tmp_path, 'a.geojson', json.dumps({'type': 'FeatureCollection', 'units': 'm', 'features': features}))
     found = venue_of(drawing, None)
