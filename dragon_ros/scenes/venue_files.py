@@ -77,12 +77,16 @@ def has_obstacles(drawing: Drawing) -> bool:
 
 def without_lines(drawing: Drawing) -> Drawing:
     """Return a map with the line of a track without its lines, except barriers."""
-    return Drawing(drawing.path, tuple(one for one in drawing.features if _is_area(one) or 'barrier' in one.tags),
-                   drawing.crs, drawing.left_out)
+    return Drawing(drawing.path, tuple(one for one in drawing.features if _is_area(one) or _is_point(one)
+                                       or 'barrier' in one.tags), drawing.crs, drawing.left_out)
 
 
 def _is_area(feature: Feature) -> bool:
     return any(part.geom_type == 'Polygon' for part in _parts(feature.geometry))
+
+
+def _is_point(feature: Feature) -> bool:
+    return all(part.geom_type == 'Point' for part in _parts(feature.geometry))
 
 
 def _sorted(drawing: Drawing) -> tuple[list[Feature], Counter[str]]:
@@ -90,7 +94,7 @@ def _sorted(drawing: Drawing) -> tuple[list[Feature], Counter[str]]:
     kept, counts = list[Feature](), Counter(drawing.left_out)
     is_osm = any(key in one.tags for one in drawing.features for key in (*_BLOCKS[:3], *_OTHERS[:5]))
     for one in drawing.features:
-        if all(part.geom_type == 'Point' for part in _parts(one.geometry)):
+        if _is_point(one):
             counts['points'] += 1
         elif is_osm and not _blocks(one) and not _is_drawn(one):
             counts[next((key for key in (*_BLOCKS, *_OTHERS) if key in one.tags), 'features without a kind')] += 1

@@ -65,7 +65,9 @@ def test_a_file_with_a_path_and_polygons_holds_a_track_and_obstacles(tmp_path, n
     drawing = read_drawing(path)
     assert has_obstacles(drawing)
     assert len(map_line(drawing, None).geometry.coords) == 3
-    assert [one['name'] for one in obstacles(drawing).values['obstacles']] == ['kiosk']
+    found = obstacles(drawing)
+    assert [one['name'] for one in found.values['obstacles']] == ['kiosk']
+    assert found.notes == (f'{name}: not obstacles: 1 points',)
 
 
 def test_an_openstreetmap_export_is_read_as_a_whole_and_counts_what_is_no_obstacle(tmp_path):
