@@ -1,7 +1,7 @@
 """Results that claim to be complete can be proved, however close to its contact a run starts or stops."""
 from collections import Counter
 from dataclasses import replace
-from math import inf, nextafter
+from math import acos, degrees, inf, nextafter
 
 import pytest
 from certificates import proved, refusal
@@ -10,11 +10,13 @@ from properties import USUAL
 from random_scenes import random_scene
 
 from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import DragonError
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.certificate import Contact
 from dragon_ros.core.search.first_contact import first_contact
-from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral
 from dragon_ros.scenes.certificate import as_values
 from dragon_ros.scenes.load import scene_of
 from dragon_ros.scenes.yaml import Document
@@ -88,6 +90,18 @@ def test_a_result_that_the_checker_proves_says_it_is_complete(seed, run):
     found = first_contact(scene)
     assert found.certificate.complete
     assert proved(as_values(scene, found), EFFORT)
+
+
+def test_a_slow_contact_after_850_km_is_proved_with_the_slack_of_its_places():
+    """The solver promises 1.5 nm there, the checker 15 pm; a slow approach does not enlarge errors along a track."""
+    turned = degrees(acos((0.3012 - 2 + 200) / 202))        # the way back is parallel, 0.3012 m away but for 1 mrad
+    track = Composite((Arc(50.0, 972_000.0), Line(150.0), Arc(2.0, 180 + turned), Arc(200.0, degrees(1e-3) - turned),
+                       Line(100.0)))
+    scene = Scene(Dragon(130, 1.2, 1.2, 0.3, 0.1), track, Head(10.0), Run(84_842.0, 84_843.0))
+    found = first_contact(scene)
+    assert compile_scene(scene).promise_m > 1.5e-9
+    assert found.approach_m_s == pytest.approx(0.01, rel=1e-2)
+    assert 'less 34.6 nm of leader travel' in proved(as_values(scene, found))
 
 
 @pytest.mark.parametrize('off', [-1.5, -0.5, 0.5, 1.5])
