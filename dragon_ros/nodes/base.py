@@ -118,6 +118,7 @@ class DragonNode(Node):
     ``changed`` to react to new values.
     """
 
+    _escaping: logs.NodeLogger | None = None
     _given: Mapping[str, Any] = MappingProxyType({})        # empty until rclpy has created its own topics
 
     def __init__(self, name: str, table: tuple[Parameter, ...] = (), overrides: dict[str, Any] | None = None) -> None:
@@ -156,8 +157,9 @@ class DragonNode(Node):
         super().destroy_node()
 
     def get_logger(self) -> Any:
-        """Return the node's logger, which can also write JSON."""
-        return logs.logger(super().get_logger())
+        """Return the node's logger, which escapes control characters and can also write JSON."""
+        self._escaping = self._escaping or logs.NodeLogger(super().get_logger())
+        return self._escaping
 
     def _check_names(self, given: dict[str, Any]) -> None:
         """Raise InputError for a name that looks misspelt; warn about other names, since nodes may share a file."""

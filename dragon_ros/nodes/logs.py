@@ -4,14 +4,17 @@ import sys
 import time
 from typing import Any
 
+from dragon_ros.cli.command_line import printable
+
 _PLAIN_ROS = ['--ros-args', '--disable-stdout-logs']
 _mode = {'json': False}
 
 
-class JsonLogger:
-    """A logger of ROS that also writes each message that passes its severity as JSON.
+class NodeLogger:
+    """A logger of ROS that escapes control characters and, in JSON mode, writes what passes its severity as JSON, too.
 
-    Each severity has a line of its own, because rclpy allows one severity per line that logs.
+    Texts in messages, bags and scenes come from anybody. Each severity has a line of its own, because rclpy allows one
+    severity per line that logs.
     """
 
     def __init__(self, ros: Any) -> None:
@@ -21,18 +24,18 @@ class JsonLogger:
         return getattr(self._ros, name)
 
     def info(self, message: str, data: dict[str, Any] | None = None) -> None:
-        """Log a message that needs no action; the object also has the keys of ``data``."""
-        if self._ros.info(message):
+        """Log a message that needs no action; in JSON mode, the object also has the keys of ``data``."""
+        if self._ros.info(printable(message)) and _mode['json']:
             write('info', self._ros.name, message, data)
 
     def warning(self, message: str) -> None:
         """Log a message about something that a user may want to change."""
-        if self._ros.warning(message):
+        if self._ros.warning(printable(message)) and _mode['json']:
             write('warn', self._ros.name, message)
 
     def error(self, message: str) -> None:
         """Log a message about a failure or a contact."""
-        if self._ros.error(message):
+        if self._ros.error(printable(message)) and _mode['json']:
             write('error', self._ros.name, message)
 
 
@@ -51,11 +54,6 @@ class Seldom:
         return due
 
 
-def logger(ros: Any) -> Any:
-    """Return a logger of ROS, which also writes JSON in JSON mode."""
-    return JsonLogger(ros) if _mode['json'] else ros
-
-
 def speak_json() -> list[str]:
     """Switch to JSON; return the ROS arguments that silence ROS's own console output."""
     _mode['json'] = True
@@ -67,20 +65,12 @@ def progress_wanted() -> bool:
     return _mode['json'] or sys.stderr.isatty()
 
 
-def progress(to: Any, message: str, data: dict[str, Any]) -> None:
-    """Log the progress of a run, with the keys of ``data`` in JSON mode."""
-    if _mode['json']:
-        to.info(message, data)
-    else:
-        to.info(message)
-
-
 def say(level: str, name: str, message: str) -> None:
     """Log one line without a node, as text or as JSON."""
     if _mode['json']:
         write(level, name, message)
     else:
-        print(f'{name}: {message}', file=sys.stderr)
+        print(printable(f'{name}: {message}'), file=sys.stderr)
 
 
 def write(level: str, name: str, message: str, data: dict[str, Any] | None = None) -> None:

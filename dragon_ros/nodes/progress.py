@@ -27,7 +27,7 @@ class ProgressLog:
         if time.monotonic() - self._logged_s >= _PERIOD_S and logs.progress_wanted():
             pacer, left_s = self._pacer, self._left_s()
             left = '' if left_s is None else f', {left_s:.0f} s left'
-            logs.progress(self._logger, f'{self._source.place()}{left}, {counted(pacer.overruns, "overrun")}', {
+            self._logger.info(f'{self._source.place()}{left}, {counted(pacer.overruns, "overrun")}', {
                 't_s': self._source.seconds(pacer.last_ns or 0), 'left_s': left_s, 'overruns': pacer.overruns,
                 'time_scale': pacer.scale})
             self.note_place()

@@ -4,9 +4,15 @@ import os
 import sys
 from pathlib import Path
 
+import pytest
 from processes import Process, Started
 
-from dragon_ros.nodes import logs
+pytest.importorskip('rclpy')
+
+from geometry_msgs.msg import Point
+
+from dragon_ros.messages.channels import channels
+from dragon_ros.nodes import logs, qos
 
 PACKAGE = Path(__file__).parents[2]
 
@@ -48,12 +54,26 @@ class RosLogger:
         return False
 
 
-def test_json_has_the_messages_that_pass_the_severity(capsys):
-    one = logs.JsonLogger(RosLogger())
+def test_json_has_the_messages_that_pass_the_severity(capsys, monkeypatch):
+    monkeypatch.setitem(logs._mode, 'json', True)
+    one = logs.NodeLogger(RosLogger())
     one.info('here')
     one.warning('not here')
     (row,) = map(json.loads, capsys.readouterr().err.splitlines())
     assert (row['level'], row['name'], row['message']) == ('info', 'a node', 'here')
+
+
+def test_control_characters_of_others_do_not_reach_the_terminal(start, node, capsys):
+    from visualization_msgs.msg import Marker, MarkerArray
+    logs.say('error', 'replay', 'a\x1b[2Jb')
+    assert capsys.readouterr().err == 'replay: a\\x1b[2Jb\n'
+    monitor = start('monitor')
+    venue = node.create_publisher(MarkerArray, 'venue', qos.of_channel(channels()['venue']))
+    marker = Marker(ns='venue', type=Marker.LINE_STRIP, points=[Point(), Point(x=1.0)])
+    marker.header.frame_id = 'a\x1b[2Jb'
+    venue.publish(MarkerArray(markers=[marker, Marker(ns='venue', type=Marker.LINE_STRIP, points=marker.points)]))
+    monitor.wait_for('several frames: , a\\x1b[2Jb')
+    assert '\x1b' not in monitor.text
 
 
 def test_seldom_is_true_once_per_period(monkeypatch):
