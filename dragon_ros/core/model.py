@@ -22,7 +22,6 @@ from dragon_ros.core.chain.commanded import times_between
 from dragon_ros.core.chain.dragon import AnyDragon
 from dragon_ros.core.chain.leader import Leader
 from dragon_ros.core.chain.lock import head_lock_angle
-from dragon_ros.core.checks import number
 from dragon_ros.core.domain import COORDINATE, TIME, TRACK
 from dragon_ros.core.errors import ChainLockError, FieldError, ModelEnd, TrackEndError
 from dragon_ros.core.flags import switches
@@ -36,7 +35,6 @@ from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import STurn, TrackSpec
 
 BEFORE_LOCK_M = 1e-6    # a run ends this far before a lock, where speeds grow without bound
-_LAST_FLOAT = 1.7976931348623157e308    # the largest float, used as the time if there is no end
 _MOST_SIMULATIONS = 64              # maximum number of cached simulations
 _MOST_BYTES_AHEAD = 256_000_000     # memory limit for the tables of a model that are built in advance
 # The memory limit for the tables of all cached models; the least recently used models are dropped first.
@@ -261,13 +259,13 @@ class Simulation:
     def check_time(self, t_s: float) -> None:
         """Raise FieldError or ModelEnd if the model has no state at ``t_s``."""
         if not 0.0 <= t_s <= self._last_s:
-            number('t_s', t_s, low=0.0)
-            assert self.limit
-            raise self._beyond(t_s, self.limit)
+            if self.limit and self.limit.t_s < t_s < inf:
+                raise self._beyond(t_s, self.limit)
+            TIME.checked('t_s', t_s)
 
     @cached_property
     def _last_s(self) -> float:
-        return _LAST_FLOAT if self.limit is None else self.limit.t_s
+        return TIME.high if self.limit is None else min(self.limit.t_s, TIME.high)
 
     def check_times(self, times_s: Floats) -> None:
         """Raise the error of ``check_time`` for the first of the given times that has no state."""

@@ -11,6 +11,7 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.scenes.load import load_scene
 
 
 def test_the_last_tick_is_the_last_before_the_end():
@@ -63,6 +64,14 @@ def test_a_tick_outside_the_run_is_refused(k):
 def test_a_negative_time_is_refused():
     with pytest.raises(FieldError, match='t_s'):
         state(Scene(), -1.0)
+
+
+@pytest.mark.parametrize('call', [state, lambda scene, t_s: states(scene, np.array([0.0, t_s]))])
+def test_a_time_after_the_longest_run_is_refused_on_an_endless_track(call):
+    scene = load_scene('turning')
+    call(scene, 1e6)
+    with pytest.raises(FieldError, match=r't_s: 1000001.0 .*1e\+06'):
+        call(scene, 1e6 + 1)
 
 
 def test_a_short_link_lets_the_head_reach_the_centre():
