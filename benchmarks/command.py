@@ -54,7 +54,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('--minutes', type=float, metavar='MIN',
                          help=f'length of the run of the page memory ({_MINUTES:g})')
     options.add_argument('--chains', type=float, metavar='N',
-                         help=f'number of chains for the page promises ({_CHAINS:g}; 100,000 take 10 minutes); after '
+                         help=f'number of chains for the page promises ({_CHAINS:g}; 20,000 take 10 minutes); after '
                          'Ctrl-C, the page shows the chains computed so far')
     return command_line.guarded('cost', partial(_run, options.parse_args(argv)))
 

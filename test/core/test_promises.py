@@ -1,6 +1,6 @@
 """Promises hold for random chains of the whole world, through state, states and tick, with and without a table.
 
-The long form of these tests is ``./dragon cost promises --chains 100000``, which compares chains with 40 digits, too.
+The long form of these tests is ``./dragon cost promises --chains 20000``, which compares chains with 40 digits, too.
 """
 from dataclasses import replace
 from math import inf
