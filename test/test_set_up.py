@@ -2,6 +2,7 @@
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -47,3 +48,18 @@ def test_the_demo_of_a_read_only_checkout_keeps_its_logs_elsewhere(read_only, tm
     assert (done.returncode, len(folders)) == (0, 3), done.stderr
     assert not [one for one in folders if one.startswith(str(tmp_path / '.venv'))]
     assert Path(folders[0]).is_dir()
+
+
+@pytest.mark.parametrize('stopped_at', ['os.link', 'Path.replace', ''])
+def test_a_set_up_that_is_stopped_while_equal_libraries_become_one_loses_none(tmp_path, stopped_at):
+    program = (ROOT / 'dragon').read_text().split("<<'END'\n")[1].split('\nEND\n')[0]
+    libraries = [tmp_path / name for name in ('a.so', 'b.so.1')]
+    for one in libraries:
+        one.write_bytes(bytes(200_000))
+    stop = f'import os\nfrom pathlib import Path\n{stopped_at} = lambda *_: os._exit(1)\n' if stopped_at else ''
+    for text in (stop + program, program) if stop else (program,):
+        done = subprocess.run([sys.executable, '-c', text, tmp_path], check=False)
+        assert done.returncode == int(text.startswith('import os\nfrom'))
+        assert [one.read_bytes() for one in libraries] == [bytes(200_000)] * 2
+    assert libraries[0].samefile(libraries[1])
+    assert sorted(tmp_path.iterdir()) == libraries

@@ -14,6 +14,7 @@ from collections.abc import Iterator, Sequence
 from importlib.util import find_spec
 from io import BytesIO
 from itertools import islice, pairwise
+from lzma import LZMAError
 from pathlib import Path
 from typing import NamedTuple, cast
 from xml.etree import ElementTree
@@ -103,8 +104,8 @@ def read_book(path: Path) -> list[WorkbookSheet]:
                 for name, rows in _read(path, _plain(parts))]
     except dr.InputError:
         raise
-    except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, LookupError, NotImplementedError, OSError,
-            OverflowError, RuntimeError, ValueError, ElementTree.ParseError) as error:
+    except (zipfile.BadZipFile, zlib.error, LZMAError, struct.error, EOFError, LookupError, NotImplementedError,
+            OSError, OverflowError, RuntimeError, ValueError, ElementTree.ParseError) as error:
         if isinstance(error, RuntimeError) and 'password' in str(error):
             raise Refused(path, 'password') from None
         raise Refused(path, 'damaged', said=_said(error)) from None

@@ -314,7 +314,10 @@ def _coordinates(path: Path, element: 'Element') -> list[tuple[float, float]]:
 
 def _kmz(path: Path, data: bytes) -> Drawing:
     """Read the first KML file in an archive."""
+    import struct
     import zipfile
+    import zlib
+    from lzma import LZMAError
     try:
         with zipfile.ZipFile(BytesIO(data)) as archive:
             names = archive.namelist()
@@ -325,7 +328,8 @@ def _kmz(path: Path, data: bytes) -> Drawing:
                 raise InputError(f'{path}: it holds no .kml file; export it again from Google Earth')
             with archive.open(name) as file:
                 text = file.read(VENUE_BYTES + 1)
-    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError, ValueError) as error:
+    except (zipfile.BadZipFile, zlib.error, LZMAError, struct.error, LookupError, NotImplementedError, RuntimeError,
+            EOFError, OSError, ValueError) as error:
         raise InputError(f'{path}: it is not KMZ: {error}') from None
     if len(text) > VENUE_BYTES:
         raise InputError(f'{path}: unpacked, it is too large; the limit is {VENUE_BYTES} bytes')

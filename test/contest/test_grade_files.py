@@ -289,6 +289,18 @@ def plain_book():
     return out.getvalue()
 
 
+def broken_lzma():
+    out = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(plain_book())) as old, zipfile.ZipFile(out, 'w', zipfile.ZIP_LZMA) as new:
+        for entry in old.infolist():
+            new.writestr(entry.filename, old.read(entry))
+        starts = [entry.header_offset + 30 + len(entry.filename) for entry in new.infolist()]
+    data = bytearray(out.getvalue())
+    for start in starts:
+        data[start + 8:start + 40] = b'\xff' * 32
+    return bytes(data)
+
+
 def merged_book():
     out = io.BytesIO()
     made = new_book()
@@ -346,6 +358,7 @@ HOSTILE = {
     'many parts': (lambda: changed(plain_book(), **{f'a{n}': b'' for n in range(limits.BOOK_PARTS)}), 'files; the'),
     'no sheets': (lambda: changed(plain_book(), **{SHEET: None}), 'contains no sheets'),
     'no xml': (lambda: changed(plain_book(), **{SHEET: 'x'}), ''),
+    'broken LZMA': (lambda: broken_lzma(), 'damaged'),
     'no workbook': (lambda: changed(plain_book(), **{'xl/workbook.xml': '<'}), 'damaged'),
     'text in many cells': (lambda: shared(f'<si><t>{"x" * 30_000}</t></si>', '<c r="A{0}" t="s"><v>0</v></c>' * 600),
                            'the texts of its cells'),

@@ -1,6 +1,7 @@
 """Maps in the formats that people have are read as lines and obstacles, and what is neither is counted."""
 import json
 import zipfile
+from contextlib import suppress
 
 import pytest
 
@@ -116,6 +117,18 @@ def test_an_archive_is_unpacked_within_budgets(tmp_path):
             archive.writestr(f'{n}.png', b'')
     with pytest.raises(DragonError, match='holds 1001 files'):
         read_drawing(path)
+
+
+@pytest.mark.parametrize('how', [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_an_archive_that_cannot_be_unpacked_is_refused(tmp_path, how):
+    path = tmp_path / 'a.kmz'
+    with zipfile.ZipFile(path, 'w', how) as archive:
+        archive.writestr('doc.kml', KML)
+    whole = path.read_bytes()
+    for at in range(30, whole.index(b'PK\1\2')):
+        path.write_bytes(whole[:at] + b'\xff' + whole[at + 1:])
+        with suppress(DragonError):
+            read_drawing(path)
 
 
 def test_a_polygon_that_was_added_to_an_openstreetmap_export_is_an_obstacle(tmp_path):
