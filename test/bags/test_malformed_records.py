@@ -53,16 +53,17 @@ def test_a_file_that_does_not_begin_with_its_header_is_damaged(tmp_path):
     assert_damaged(path, 'instead of the header')
 
 
-@pytest.mark.parametrize('where', ['data', 'chunk', 'summary', 'late schema', 'late channel', 'late in chunk'])
+@pytest.mark.parametrize('where', ['data', 'chunk', 'summary', 'late schema', 'late channel', 'late in chunk',
+                                   'late in chunk, again in the summary'])
 def test_schemas_and_channels_that_are_not_declared_before_their_use_are_damage(tmp_path, where):
     path, undeclared = tmp_path / 'a.mcap', record(Opcode.CHANNEL, channel(2, schema=9))
     schema = record(Opcode.SCHEMA, struct.pack('<H', 1) + text('std_msgs/msg/String') + text('ros2msg') + text(''))
     known = record(Opcode.CHANNEL, channel(1, schema=1))
     data = {'data': [schema, known, undeclared, MESSAGE], 'chunk': [schema, known, chunk(undeclared + MESSAGE)],
             'summary': [schema, known, MESSAGE], 'late schema': [known, schema, MESSAGE],
-            'late channel': [schema, MESSAGE, known], 'late in chunk': [schema, chunk(MESSAGE + known)]}[where]
+            'late channel': [schema, MESSAGE, known]}.get(where, [schema, chunk(MESSAGE + known)])
     made = MAGIC + record(Opcode.HEADER, text('ros2') + text('')) + b''.join(data) + record(Opcode.DATA_END, bytes(4))
-    summary = known if where == 'summary' else b''
+    summary = {'summary': known, 'late in chunk, again in the summary': schema + known}.get(where, b'')
     path.write_bytes(made + summary + record(Opcode.FOOTER, struct.pack('<QQI', len(made) if summary else 0, 0, 0))
                      + MAGIC)
     reader = make_reader(io.BytesIO(path.read_bytes()))

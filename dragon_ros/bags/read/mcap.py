@@ -472,7 +472,7 @@ class Index:
             if isinstance(record, StoredMessage):
                 self.counts[record.channel] += 1
                 if record.channel not in self.used:
-                    known = ('channel', record.channel) in self.declared
+                    known = self._at('channel', record.channel) <= batch.place.offset
                     self.used[record.channel] = batch.place.offset if known else -1
                 yield record, data
             else:
