@@ -226,7 +226,7 @@ class Simulation:
 
     @cached_property
     def end(self) -> End:
-        """The end of the run. Raises FieldError if the run has no end."""
+        """The end of the run. Raises FieldError if the run has no end, or is longer than the longest run."""
         run, limit = self.scene.run, self.limit
         if run.stop_s is not None and (limit is None or run.stop_s <= limit.t_s):
             return End(run.stop_s, 'stop')
@@ -235,14 +235,14 @@ class Simulation:
                              'give a stop')
         if limit.t_s < run.start_s:
             raise self._beyond(run.start_s, limit)
+        if limit.t_s > TIME.high:
+            raise FieldError('run.stop_s', None, f'the run would end at {limit.t_s:.6g} s; the longest run lasts '
+                             f'{TIME.high:g} s', 'give an earlier stop')
         return limit
 
     @cached_property
     def last_tick(self) -> int:
         """The number of the last tick of the run."""
-        if self.end.t_s > TIME.high:
-            raise FieldError('run.stop_s', None, f'the run would end at {self.end.t_s:.6g} s; the longest run lasts '
-                             f'{TIME.high:g} s', 'give an earlier stop')
         run = self.scene.run
         last_stamp_s = self.end.t_s + run.stamp_offset_s
         if last_stamp_s > LATEST_S:

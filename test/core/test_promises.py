@@ -24,7 +24,7 @@ from dragon_ros.core.tracks.spec import Arc, Composite, Line, SpiralArc
 def test_random_chains_of_the_world_keep_their_promise_through_state_states_and_tick(first):
     found = [promises._measured(number) for number in range(first, first + 20)]
     worst = max((float(np.max(one.shares)), int(one.scenes[0])) for one in found if one.shares.size)
-    assert sum(len(one.shares) for one in found) > 60
+    assert sum(len(one.shares) for one in found) >= 60
     assert worst <= (1, first + 20)
 
 

@@ -4,11 +4,12 @@ import pytest
 
 from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.scenes.load import load_scene
@@ -72,6 +73,14 @@ def test_a_time_after_the_longest_run_is_refused_on_an_endless_track(call):
     call(scene, 1e6)
     with pytest.raises(FieldError, match=r't_s: 1000001.0 .*1e\+06'):
         call(scene, 1e6 + 1)
+
+
+@pytest.mark.parametrize('call', [first_contact, lambda scene: compile_scene(scene).last_tick])
+def test_a_run_that_would_end_after_the_longest_run_is_refused(call):
+    scene = Scene(head=Profile(((0.0, 0.0), (1.0, 1e-213)), 'smooth'))
+    assert state(scene, 1e6).p.shape == (224, 2)
+    with pytest.raises(FieldError, match=r'the longest run lasts 1e\+06 s; give an earlier stop'):
+        call(scene)
 
 
 def test_a_short_link_lets_the_head_reach_the_centre():

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from properties import examples
 
 from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.domain import TIME
 from dragon_ros.core.errors import FieldError
 
 speeds = st.floats(-3, 3)
@@ -59,7 +60,7 @@ def test_a_first_passage_is_a_passage_and_the_first(rows, first, ramp, far, sens
     assume(sense * far > 1e-3)
     t_s = law.passage_s(far, sense)
     looks = [t for n in range(2000) for t in [n * 0.2]]
-    if t_s is None:
+    if t_s is None or t_s > TIME.high:
         assert all(sense * (law.travelled_m(t) - far) <= 0 for t in looks)
         return
     assert law.travelled_m(t_s) == pytest.approx(far, abs=1e-9)
