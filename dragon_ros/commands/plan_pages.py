@@ -27,6 +27,8 @@ _SHEET = 200            # scale of sheets, and the coarsest of a plan on one pag
 PAPERS_MM = {'A4': (297.0, 210.0), 'A3': (420.0, 297.0)}
 _EDGE_MM, _FOOT_MM = 12.0, 34.0     # margins around a page and below the drawing
 _AROUND_M = 2.0         # margin around the drawn objects
+_NEAR_WAY = 0.2         # an overview shows obstacles nearer to the way than this share of its size
+_OF_OBSTACLE_M = 5.0    # how much of them it shows at least
 _BESIDE = 0.12          # margin around the places of a sheet, relative to its size
 _TEXT_PT, _SMALL_PT = 9, 7.5
 _BROKEN = '#C00000'
@@ -89,6 +91,9 @@ def sheets(plan: Plan, paper: str | None, scale: str | None) -> list[Sheet]:
             if np.all(high - low <= _size_m(each, one)):
                 return [_centred(each, one, 0.5 * (low + high))]
     sheet = asked or _SHEET
+    near = [gap.ends_m for gap in plan.gaps if gap.gap_m <= _NEAR_WAY * np.max(high - low)]
+    low = np.min([low, *(ends.min(axis=0) - _OF_OBSTACLE_M for ends in near)], axis=0)
+    high = np.max([high, *(ends.max(axis=0) + _OF_OBSTACLE_M for ends in near)], axis=0)
     first = overview(papers[0], low, high, sheet)
     return [first, *(_centred(papers[0], sheet, at, n) for n, at in enumerate(_centres(plan, papers[0], sheet), 2))]
 
@@ -344,7 +349,9 @@ def _draw_numbers(plan: Plan, shown: Sequence[tuple[int, Gap]], labels: Labels, 
     for number, gap in shown:
         colour = _BROKEN if gap.is_broken else 'black'
         label = f'{number}  {_gap(plan, gap)}' if dimensions else str(number)
-        if dimensions:
+        if not dimensions:
+            labels.axes.plot(*gap.ends_m.T, color=colour, linewidth=0.5, zorder=6)
+        else:
             labels.axes.annotate('', gap.ends_m[0], gap.ends_m[1], zorder=6, arrowprops={
                 'arrowstyle': '<->', 'color': colour, 'linewidth': 0.9, 'shrinkA': 0, 'shrinkB': 0,
                 'mutation_scale': 6})
