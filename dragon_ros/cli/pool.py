@@ -130,6 +130,8 @@ def _begin(pickled: bytes) -> None:
     _pickled = pickled
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_DFL)
+    if hasattr(signal, 'pthread_sigmask'):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, [signal.SIGTERM])
     if hasattr(os, 'setpgrp'):
         os.setpgrp()
     threading.Thread(target=_end_with_parent, daemon=True).start()

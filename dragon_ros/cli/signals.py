@@ -36,11 +36,12 @@ def stopped_by_signals() -> Iterator[Event]:
 
 @contextmanager
 def interrupts_blocked(forked: bool = False) -> Iterator[None]:
-    """Block SIGINT in threads and processes started inside this block; in this thread, the signal stays pending.
+    """Block SIGINT and SIGTERM in threads and processes started inside this block; here, they stay pending.
 
     A terminal sends SIGINT to all processes, but only this process should react, by stopping the workers; otherwise,
-    every worker would print a traceback. If processes are not forked, the resource tracker of multiprocessing is
-    started beforehand, because starting it would unblock the signal.
+    every worker would print a traceback, as would a forked one that receives SIGTERM while it still has the handler of
+    this process: it must unblock SIGTERM itself. If processes are not forked, the resource tracker of multiprocessing
+    is started beforehand, because starting it would unblock SIGINT.
     """
     if not hasattr(signal, 'pthread_sigmask'):
         yield
@@ -48,7 +49,7 @@ def interrupts_blocked(forked: bool = False) -> Iterator[None]:
     if not forked:
         from multiprocessing import resource_tracker  # only commands with workers need it
         resource_tracker.ensure_running()
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT, signal.SIGTERM])
     try:
         yield
     finally:
