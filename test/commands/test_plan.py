@@ -355,3 +355,16 @@ def test_an_overview_of_a_long_way_has_dots_that_can_be_told_apart_and_a_sheet_o
     dots = np.sort([one.get_xdata()[0] for one in axes.lines if one.get_marker() == 'o'])
     assert len(dots) > 9
     assert np.diff(dots[dots < 900]).min() * 1000 / overview.scale > 5
+
+
+@pytest.mark.parametrize(('beyond_m', 'is_near'), [(40, True), (200, False)])
+def test_an_overview_shows_the_obstacles_near_the_way(beyond_m, is_near):
+    y_m = 8 + 262 + beyond_m        # the way turns left and ends at (108, 270)
+    scene = load_scene('street', ['dragon.benches=4', 'track={kind: joined, start_m: 20, pieces: [{kind: line, '
+                                  'length_m: 100}, {kind: arc, radius_m: 8, angle_deg: 90}, {kind: line, length_m: '
+                                  '262}]}', f'venue.obstacles=[{{kind: line, name: wall, points_m: [[100, {y_m}], '
+                                  f'[116, {y_m}]]}}]'])
+    plan = Plan(scene, 'x')
+    overview, *_ = sheets(plan, 'A4', None)
+    assert box(*overview.window.ravel()).contains(LineString(plan.line))
+    assert overview.shows(np.array((108.0, y_m + 4.0))) == is_near

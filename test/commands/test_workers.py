@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pool_jobs import KilledElsewhere, end_at_300, squares
+from pool_jobs import EndedElsewhere, KilledElsewhere, end_at_300, squares
 from processes import Forked, children
 from properties import examples, thinned
 
@@ -47,9 +47,10 @@ def test_an_error_of_a_job_comes_at_its_place(workers):
         next(results)
 
 
-def test_a_killed_process_is_said():
+@pytest.mark.parametrize('jobs', [KilledElsewhere, EndedElsewhere])
+def test_a_killed_process_is_said(jobs):
     with pytest.raises(DragonError, match='worker processes was killed'):
-        list(Pool(2).in_order(KilledElsewhere(), range(10_000)))
+        list(Pool(2).in_order(jobs(), range(10_000)))
 
 
 _KILLED_AFTER_A_JOB = """
